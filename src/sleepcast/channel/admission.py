@@ -126,7 +126,9 @@ class ReplayWindows:
         """Store a window, new or changed: its sender has just been heard."""
         key, sender, epoch = which
         self._windows.put(key, which, window)
-        epochs = self._epochs.setdefault((key, sender), OrderedDict())
+        epochs = self._epochs.get((key, sender))
+        if epochs is None:
+            epochs = self._epochs[key, sender] = OrderedDict()
         epochs[epoch] = None
         epochs.move_to_end(epoch)
         if len(epochs) > _MAX_EPOCHS:

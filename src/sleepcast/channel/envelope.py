@@ -8,7 +8,7 @@ describes every byte.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import inf, isinf
 from struct import Struct
 from typing import NamedTuple
@@ -29,6 +29,7 @@ _MICRO = 1e6
 """Times are sent in microseconds."""
 MAX_DEPTH = 4
 """Nesting of lists and maps in a body."""
+_SCALARS = frozenset({type(None), bool, int, float, str, bytes})
 
 KINDS: Sequence[Kind] = (
     Kind.COMMAND,
@@ -55,6 +56,8 @@ FIXED = Struct(">BBBBQBQBQBQBBBB")
 KIND_AT = PAYLOAD_AT + 2
 """Offset of the kind's number."""
 _ARRAY, _SMALL, LONG = 0x8B, 0x18, 0x1B
+_HEADS = (LONG, LONG, LONG, LONG, _SMALL, _SMALL)
+"""The CBOR heads in `FIXED`, from the epoch's on."""
 SIGNATURE_HEAD = b"\x58\x40"
 TAIL = len(SIGNATURE_HEAD) + SIGNATURE_BYTES
 LEAST = PAYLOAD_AT + FIXED.size + 3 + TAIL
@@ -159,15 +162,15 @@ def look(datagram: bytes) -> Fragment:
     length = datagram[PAYLOAD_AT - 3 : PAYLOAD_AT]
     if length != b"\x59" + (end - PAYLOAD_AT).to_bytes(2, "big") or datagram[end : end + 2] != SIGNATURE_HEAD:
         raise EnvelopeError("a message whose lengths are not those that it states")
-    (array, version, kind, *heads_and_numbers) = FIXED.unpack_from(datagram, PAYLOAD_AT)
-    heads, numbers = heads_and_numbers[::2], heads_and_numbers[1::2]
-    if array != _ARRAY or heads != [LONG, LONG, LONG, LONG, _SMALL, _SMALL]:
+    fields = FIXED.unpack_from(datagram, PAYLOAD_AT)
+    array, version, kind = fields[:3]
+    if array != _ARRAY or fields[3::2] != _HEADS:
         raise EnvelopeError("a message whose fields are not where they belong")
     if version != _VERSION:
         raise EnvelopeError(
             f"a message of version {version}, and this sleepcast reads {_VERSION}: a newer one is needed"
         )
-    epoch, sequence, issued, deadline, number, parts = numbers
+    numbers = epoch, sequence, issued, deadline, number, parts = fields[4::2]
     if kind > STANDING or max(numbers) > MAX_NUMBER or not number < parts <= MAX_PARTS:
         raise EnvelopeError("a message with numbers out of range")
     return Fragment(
@@ -220,11 +223,17 @@ def read_message(part: Fragment, sender: str, content: bytes, role: str = "", ah
 
 def plain(body: object, depth: int = MAX_DEPTH) -> bool:
     """Whether this is plain data: maps with text keys, lists, texts, bytes, numbers, booleans, null."""
+    if type(body) in _SCALARS:
+        return True
     if isinstance(body, dict):
-        return depth > 0 and all(isinstance(key, str) and plain(value, depth - 1) for key, value in body.items())
-    if isinstance(body, list):
-        return depth > 0 and all(plain(value, depth - 1) for value in body)
-    return body is None or isinstance(body, str | bytes | bool | int | float)
+        if not all(isinstance(key, str) for key in body):
+            return False
+        inner: Iterable[object] = body.values()
+    elif isinstance(body, list):
+        inner = body
+    else:
+        return isinstance(body, str | bytes | int | float)
+    return depth > 0 and all(type(value) in _SCALARS or plain(value, depth - 1) for value in inner)
 
 
 def _decoded(data: bytes) -> object:

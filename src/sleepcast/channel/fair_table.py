@@ -64,8 +64,11 @@ class FairTable(Generic[Key, Value, Owner]):
         before = self._entries.get(key)
         if before is not None and before[0] != owner:
             self.pop(key)
+            before = None
         self._entries[key] = owner, value
         self.use(key)
+        if before is not None:  # as many as there were
+            return
         if len(self._of[owner]) > self._each:
             self._drop(owner, key)
         elif len(self._entries) > self._most:
@@ -73,7 +76,10 @@ class FairTable(Generic[Key, Value, Owner]):
 
     def use(self, key: Key) -> None:
         """An entry was used: it is now the last of its owner's to give way."""
-        of = self._of.setdefault(self._entries[key][0], OrderedDict())
+        owner = self._entries[key][0]
+        of = self._of.get(owner)
+        if of is None:
+            of = self._of[owner] = OrderedDict()
         of[key] = next(self._moments)
         of.move_to_end(key)
 

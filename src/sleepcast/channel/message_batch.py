@@ -279,6 +279,8 @@ class NameIndex(Sequence[str]):
 
     def place(self, name: str) -> int | None:
         """The place of a name; None if it is not in the index."""
+        if not self._count:
+            return self._places.get(name)
         digits = name.removeprefix(self._prefix)
         if name.startswith(self._prefix) and digits.isascii() and digits.isdigit() and digits[0] != "0":
             number = int(digits) if len(digits) <= len(str(self._count)) else 0

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
+from functools import partial
 from random import SystemRandom
 from typing import ClassVar, Protocol
 
@@ -30,9 +32,10 @@ class WorkClock:
         return time.thread_time()
 
 
-def _passed() -> float:
-    """Seconds that pass, those in which the computer sleeps among them, whatever is done to its clock."""
-    return time.clock_gettime(time.CLOCK_BOOTTIME) if hasattr(time, "CLOCK_BOOTTIME") else time.monotonic()
+_passed: Callable[[], float] = (
+    partial(time.clock_gettime, time.CLOCK_BOOTTIME) if hasattr(time, "CLOCK_BOOTTIME") else time.monotonic
+)
+"""Seconds that pass, those in which the computer sleeps among them, whatever is done to its clock."""
 
 
 class UnixClock:

@@ -405,16 +405,17 @@ class NetworkStation(Station):
         with self._lock, self.notes.together(began):
             for message in self.session.receive():
                 if message.kind in TO_OPERATOR:
-                    if not self._is_new(message):
+                    known = self._retransmission.known(message)
+                    if not self._is_new(message, known.body.get("command")):
                         continue
                     if message.ahead:  # its clock is wrong, and it answers us: this is of now
                         self.conflicts.hear(msgspec.structs.replace(message, issued=self.now), self.now)
-                    heard.append(self._retransmission.known(message))
-                    self._take_in(heard[-1])
+                    heard.append(known)
+                    self._take_in(known)
                     if self._roster.names.place(message.sender) is None and message.key:
                         self.session.delivery.admission.no_room(bytes.fromhex(message.key))
-                    self._learn_stops(heard[-1])
-                    self._learn_time(heard[-1])
+                    self._learn_stops(known)
+                    self._learn_time(known)
                 elif message.role != Role.ROBOT or message.kind is Kind.STOP:
                     self._overhear(message)
         self.listened = began
@@ -473,11 +474,11 @@ class NetworkStation(Station):
         """Let what was posted leave now."""
         self.session.flush()
 
-    def _is_new(self, message: Message) -> bool:
-        """Whether a robot says this now. Where its clock is wrong, it does if it answers what we have sent; then it is
-        known how wrong its clock is, and what else it says can be judged by that."""
+    def _is_new(self, message: Message, command: object) -> bool:
+        """Whether a robot says this now. Where its clock is wrong, it does if it answers what we have sent (`command`);
+        then it is known how wrong its clock is, and what else it says can be judged by that."""
         clocks, skew = self.clocks, self.session.delivery.admission.skew
-        answers = self._sent.find(self._retransmission.known(message).body.get("command")) is not None
+        answers = self._sent.find(command) is not None
         if answers or not message.ahead:
             clocks.note(message.sender, message.ahead, message.key)
         return abs(clocks.ahead(message.sender) - message.ahead) <= skew

@@ -102,11 +102,17 @@ class Answers(Mapping[str, Answer]):
 
     def add(self, robot: int, answer: Answer) -> None:
         """What one robot answers."""
-        some = np.array([robot])
-        fault = (answer.fault,) if answer.fault else ()
-        value = nan if answer.value is None else answer.value
-        code = OUTCOMES.index(answer.outcome) + 1
-        self._take(some, np.array([code], np.uint8), np.array([value]), fault, np.array([bool(fault)]), answer.heard)
+        if len(self._heard) < len(self.names):
+            self.make_room()
+        if self._outcome[robot]:
+            return
+        self._count += 1
+        self._outcome[robot] = _code(answer.outcome)
+        self._heard[robot] = answer.heard
+        self._value[robot] = nan if answer.value is None else answer.value
+        if answer.fault:
+            self._faults.append(answer.fault)
+            self._fault_numbers()[robot] = len(self._faults)
 
     def take(self, robots: Index, places: Index, said: Said, now: float) -> None:
         """The answers of many robots, each at its place in `said`; malformed ones are left out."""
@@ -126,7 +132,7 @@ class Answers(Mapping[str, Answer]):
         codes: NDArray[np.uint8],
         values: Seconds,
         faults: Sequence[str],
-        fault: NDArray[np.int32] | NDArray[np.bool_],
+        fault: NDArray[np.int32],
         now: float,
     ) -> None:
         """Store the answers of robots that have not answered yet. fault: its number among `faults`, from 1, or 0."""
@@ -138,10 +144,13 @@ class Answers(Mapping[str, Answer]):
         self._outcome[robots] = codes
         self._heard[robots], self._value[robots] = now, values
         if fault.any():
-            if self._fault is None:
-                self._fault = np.zeros(len(self._outcome), np.int32)
-            self._fault[robots] = np.where(fault > 0, fault + len(self._faults), 0)
+            self._fault_numbers()[robots] = np.where(fault > 0, fault + len(self._faults), 0)
             self._faults += faults
+
+    def _fault_numbers(self) -> NDArray[np.int32]:
+        if self._fault is None:
+            self._fault = np.zeros(len(self._outcome), np.int32)
+        return self._fault
 
     def forget(self, robot: int) -> None:
         """Count the robot at a place as one that has not answered."""

@@ -382,7 +382,10 @@ def _finite(value: float) -> float | None:
 def read_telemetry(record: object) -> TelemetryRecord:
     """The telemetry in a body. Raises TelemetryError."""
     try:
-        telemetry = msgspec.convert(record, TelemetryRecord, strict=True)
+        if isinstance(record, TelemetryRecord):
+            telemetry = record
+        else:
+            telemetry = msgspec.convert(record, TelemetryRecord, strict=True)
     except UNREADABLE as error:
         raise TelemetryError(str(error)) from None
     telemetry.groups = [name for name in telemetry.groups if is_name(name)]

@@ -24,6 +24,7 @@ from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
 from random import SystemRandom
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -35,8 +36,6 @@ from sleepcast.core.serial import SerialError, pack
 from sleepcast.mind.limits import MAX_QUEUE, MAX_SEEN
 from sleepcast.mind.state import MindState
 from sleepcast.node.integrity import NEWBORN, Marker, Seal
-from sleepcast.node.node import Node
-from sleepcast.node.state import fingerprint, mind_of, restore, stand
 from sleepcast.node.store_file import (
     FORMAT,
     MAX_MIND,
@@ -53,6 +52,9 @@ from sleepcast.node.store_file import (
     set_aside,
     transaction,
 )
+
+if TYPE_CHECKING:  # an operator's store has no robots, and need not wait until minds are loaded
+    from sleepcast.node.node import Node
 
 __all__ = ["InUseError", "Store", "StoreError"]
 
@@ -161,6 +163,8 @@ class Store:
         """Restore a robot and store its state from now on; returns whether it was known. Its delivery (whose epoch is
         its `life`), if any, has received nothing yet, and its mind has learned nothing but what is built in. Raises
         StoreError for an impossible state."""
+        from sleepcast.node.state import fingerprint, stand
+
         if node.name not in self._content.robots:
             self.new_epoch(node.name)
         record = self._content.robots[node.name]
@@ -196,6 +200,8 @@ class Store:
         return [command for (command,) in self._connection.execute(query, (number, MAX_SEEN))]
 
     def _restore(self, node: Node, mind: MindState, saved: float) -> None:
+        from sleepcast.node.state import restore
+
         try:
             lost = restore(mind, node, max(0.0, self._clock.now() - saved))
         except SerialError as error:
@@ -279,6 +285,8 @@ class Store:
 
     def after(self) -> bool:
         """All robots have finished the tick; returns whether to `write` now."""
+        from sleepcast.node.state import fingerprint, mind_of
+
         self._report()
         now = self._clock.now()
         look = now >= self._look_at

@@ -116,7 +116,7 @@ class TelemetryCache:
         minds.began = now
         for name, at, telemetry in state.tellers[:MAX_TELLERS]:
             if 0 < len(name) <= MAX_NAME and isfinite(at) and now - at <= MAX_AGE:
-                minds.take(_answer(name, msgspec.to_builtins(telemetry, builtin_types=(bytes,))), min(at, now))
+                minds.take(_answer(name, telemetry), min(at, now))
         for text in state.texts[: MAX_TYPES + MAX_MINDS]:
             minds.take(_answer("desk", text), now)
         return state.commanded if state.commanded <= now else now

@@ -15,7 +15,7 @@ from sleepcast.core.units import value_in_words
 from sleepcast.language.evaluate import Entered, Memory, Walker, is_true, too_deep
 from sleepcast.language.lint import units_in
 from sleepcast.language.parts import Part, deciding, host_of, walk
-from sleepcast.language.program import MAX_STEPS, OutOfSteps, Program
+from sleepcast.language.program import MAX_STEPS, OutOfSteps, Program, decide
 from sleepcast.language.reader import List, show
 from sleepcast.language.reading_units import COMPARING, as_written
 from sleepcast.language.rehearsal import Answer, Rehearsal, Replay
@@ -198,22 +198,8 @@ class Foretold:
 
 def foretell(program: Program, memory: Rehearsal) -> Foretold:
     """The value, match and faults of `rehearse`, at a fraction of its cost: for whoever does not ask why."""
-    value = _walked(program, memory, Walker(memory, program))
+    value = decide(program, memory)
     return Foretold(value, memory.matched, _sentences(memory))
-
-
-def _walked(program: Program, memory: Rehearsal, walker: Walker) -> float:
-    """The value that a walk of the whole program gives, in a memory made ready for it."""
-    memory.values.extend([nan] * (program.slots - len(memory.values)))
-    memory.matched, memory.undecided = program.test is None, False
-    memory.steps, memory.levels = program.cost, program.height
-    try:
-        value = walker.value(program.root)
-    except OutOfSteps:
-        value = memory.fault(program.root, f"out of steps: at most {MAX_STEPS} in one evaluation")
-    if program.test is program:
-        memory.matched, memory.undecided = is_true(value), value != value
-    return value
 
 
 def _sentences(memory: Rehearsal) -> tuple[str, ...]:
@@ -223,7 +209,7 @@ def _sentences(memory: Rehearsal) -> tuple[str, ...]:
 def _explained(recollection: Recollection, memory: Rehearsal) -> Explanation:
     program = recollection.program
     tracer = Tracer(memory, program)
-    value = _walked(program, memory, tracer)
+    value = decide(program, memory, tracer)
     reasons = {id(part): reason for part, reason in memory.faults}
     reason = "" if memory.matched else refusal(program, tracer)
     root = _step(program.root, tracer, reasons, None if memory.matched else culprit(program, tracer))

@@ -103,11 +103,6 @@ class Program:
             code = self.compile()
         return code(values, memory, *arguments)
 
-    def walk(self, memory: Memory) -> float:
-        """Evaluate the program by walking it, its cost having been charged."""
-        memory.values.extend([nan] * (self.slots - len(memory.values)))
-        return Walker(memory, self).value(self.root)
-
     def compile(self) -> Code:
         """The program's Python code, generated now if it was not before."""
         if self.code is None:
@@ -299,15 +294,17 @@ def evaluate(program: Program, memory: Memory) -> float:
     return value
 
 
-def decide(program: Program, memory: Memory) -> float:
-    """The same as `evaluate`, and the memory knows whether the top-level test was unknown: for what is answered.
-    The program is walked, because rules, whose code has to be fast, need not know it."""
+def decide(program: Program, memory: Memory, walker: Walker | None = None) -> float:
+    """The same as `evaluate`, and the memory knows whether the top-level test was unknown: for what is answered,
+    foretold or explained. The program is walked, because rules, whose code has to be fast, need not know it. walker:
+    walks it, for whoever looks at its parts."""
     memory.steps, memory.depth, memory.levels = program.cost, 0, program.height
     memory.matched, memory.undecided = program.test is None, False
+    memory.values.extend([nan] * (program.slots - len(memory.values)))
     try:
-        value = program.walk(memory)
+        value = (walker or Walker(memory, program)).value(program.root)
     except OutOfSteps:
-        return memory.fault(program.root, f"out of steps: at most {MAX_STEPS} in one evaluation")
+        value = memory.fault(program.root, f"out of steps: at most {MAX_STEPS} in one evaluation")
     if program.test is program:
         memory.matched, memory.undecided = value < 0.0 or value > 0.0, value != value
     return value

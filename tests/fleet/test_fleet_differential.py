@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 from fleet.twins import Twins
 from language.authors import Author
 from language.cases import SENSORS
-from sleepcast import fleet, language, node
+from sleepcast import columns, fleet, language, node
 from sleepcast import mind as shared
 from sleepcast.channel.message import Kind, Message
 from sleepcast.columns import rows
@@ -98,8 +98,8 @@ def test_robots_of_a_fleet_with_native_code_do_what_nodes_do(start: int, chunk: 
 
 
 def houses() -> Iterator[str]:
-    """Every module of fleets, nodes, what both share, and their language."""
-    for house in (fleet, language, shared, node):
+    """Every module of fleets, their columns, nodes, what both share, and their language."""
+    for house in (columns, fleet, language, shared, node):
         yield from (module.name for module in pkgutil.walk_packages(house.__path__, f"{house.__name__}."))
 
 

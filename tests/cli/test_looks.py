@@ -46,30 +46,49 @@ def told(channel: str, *arguments: str) -> dict[str, object]:
     return said
 
 
+WORTHY = "(WHEN (AND (late 3) (> twice 9) (IN bravo)) (JOIN charlie))"
+
+
 def test_who_would_obey_is_said_before_anything_is_sent(taught: str) -> None:
-    text = "(WHEN (AND (late 3) (> twice 9) (IN bravo)) (JOIN charlie))"
-    found = told(taught, "who", text)
+    found = told(taught, "who", WORTHY)
     assert (found["yes"], found["no"], found["unknown"]) == (["r5", "r6"], ["r1", "r2", "r3", "r4"], {})
     assert (found["n_yes"], found["n_no"], found["n_unknown"], found["polled"]) == (2, 4, 0, False)
     assert isinstance(found["oldest"], float)
-    asked_sonar = told(taught, "who", "(WHEN (> (SONAR 0) 0) (JOIN charlie))")
-    assert asked_sonar["n_unknown"] == 6
-    polled = told(taught, "who", "--poll", text)
+    assert told(taught, "who", "(WHEN (> (SONAR 0) 0) (JOIN charlie))")["n_unknown"] == 6, "no telemetry tells it"
+
+
+def test_robots_are_asked_who_would_obey(taught: str) -> None:
+    polled = told(taught, "who", "--poll", WORTHY)
     assert (polled["yes"], polled["no"], polled["polled"]) == (["r5", "r6"], ["r1", "r2", "r3", "r4"], True)
-    for test in ("(> id 4)", "(NOT (< id 5))", "(OR (= id 5) (= id 6))", "(AND (> id 4) (KNOWN id))"):
-        alone = told(taught, "who", test)
-        assert (alone["yes"], alone["everybody"], alone["text"]) == (["r5", "r6"], False, test)
     assert told(taught, "who", "--poll", "(> id 4)")["yes"] == ["r5", "r6"]
     unknown = told(taught, "who", "--poll", "(> fule 4)")
     assert (unknown["n_yes"], unknown["n_no"], set(unknown["unknown"].values())) == (0, 0, {TEST_UNKNOWN})
-    assert told(taught, "who", "(+ 1 id)")["n_yes"] == 6, "no test: whoever hears it evaluates it"
-    sent = told(taught, "send", text)
+
+
+@pytest.mark.parametrize("test", ["(> id 4)", "(NOT (< id 5))", "(OR (= id 5) (= id 6))", "(AND (> id 4) (KNOWN id))"])
+def test_a_test_alone_is_a_question_of_who(taught: str, test: str) -> None:
+    alone = told(taught, "who", test)
+    assert (alone["yes"], alone["everybody"], alone["text"]) == (["r5", "r6"], False, test)
+
+
+def test_what_has_no_test_is_obeyed_by_all(taught: str) -> None:
+    assert told(taught, "who", "(+ 1 id)")["n_yes"] == 6, "whoever hears it evaluates it"
+
+
+def test_why_a_robot_obeyed_no_command_is_told_as_foreseen(taught: str) -> None:
+    sent = told(taught, "send", WORTHY)
     assert (sent["predicted"], sorted(map(str, sent["matched"]))) == (["r5", "r6"], ["r5", "r6"])
     why = told(taught, "why", "r4", str(sent["id"]))
     assert (why["robot"], why["matched"], why["reason"]) == ("r4", False, "twice = 8, needed > 9")
+
+
+def test_why_a_rule_was_obeyed_is_told(taught: str) -> None:
     rule = called_warm("why", "r5", "keep", "--channel", taught)
     assert "r5, keep: obeyed" in rule.out
     assert "(late 4)" in rule.out
+
+
+def test_a_robot_cannot_say_why_of_what_it_does_not_know(taught: str) -> None:
     lost = called_warm("why", "r5", "nothing", "--channel", taught)
     assert (lost.status, lost.out) == (1, "")
     assert "r5 remembers no command or rule nothing" in lost.err

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from channel.test_udp import free_port
 from cli.calling import Called, again_until, called_warm
 from cli.terminal import terminal
 from cli.test_swarm import account, channel, swarm
 from counting import ONCE, counted
+from processes import live_in
 from sleepcast.cli import main
 
 __all__ = ["channel"]
@@ -27,61 +30,110 @@ def told(found: Called) -> dict[str, Any]:
     return said
 
 
-def test_a_dozen_robots_are_commanded_with_care(channel: str, tmp_path: Path) -> None:
-    def on_air(*arguments: str) -> Called:
-        return called_warm(*arguments, "--channel", channel)
+@pytest.fixture(scope="module")
+def dozen(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The channel of twelve robots, of which the desk of a home of its own has heard."""
+    uri = f"udp://239.255.83.78:{free_port()}?interface=lo"
+    with pytest.MonkeyPatch.context() as patch:
+        live_in(tmp_path_factory.mktemp("home"), patch)
+        with swarm(ROBOTS, uri):
+            again_until(lambda asked: asked["n"] == ROBOTS, lambda: account(uri, "ask", "id"))
+            yield uri
 
-    def foreseen(count: int, *arguments: str) -> dict[str, Any]:
-        """What becomes of a command that so many were to obey; said again where some were too late to tell of it."""
-        return again_until(lambda found: found["n_predicted"] == count, lambda: account(channel, "send", *arguments))
 
-    with swarm(ROBOTS, channel) as process:
-        # So that a desk knows whom to count.
-        again_until(lambda asked: asked["n"] == ROBOTS, lambda: account(channel, "ask", "id"))
-        refused = on_air("send", MARK, "--json")
-        assert (refused.status, refused.out) == (2, "")
-        assert "12 may obey, say how many are meant" in refused.err
-        with terminal(["send", MARK, "--channel", channel], tmp_path) as person:
-            person.wait_for("would obey 12: r1, r2, r3")
-            person.wait_for("Robots that are meant:")
-            person.type("12\r")
-            person.wait_for("matched 12")
-            assert person.status() == 0
-        doubted = on_air("send", "--count", "12", DOUBTED)
-        assert (doubted.status, doubted.out) == (2, "")
-        assert "(did you mean (AND (> id 0) (> id 6))?)" in doubted.err
-        assert "Nothing was sent" in doubted.err
-        assert told(on_air("send", "--anyway", "--count", "12", DOUBTED, "--json"))["n_matched"] == ROBOTS
-        with terminal(["send", DOUBTED, "--count", "12", "--channel", channel], tmp_path) as person:
-            person.wait_for("did you mean (AND (> id 0) (> id 6))?")
-            person.wait_for("Send it as it stands?")
-            person.type("y\r")
-            person.wait_for("matched 12")
-            assert person.status() == 0
-        with counted() as found:  # robots have told their names, so they are what they were when it was read
-            assert main(["send", "--count", "12", "--channel", channel, MARK]) == 0
-        assert found == ONCE
-        staged = foreseen(12, "--staged", "--count", "12", MARK)
-        assert [stage["n_matched"] for stage in staged["stages"]] == [1, 2, 9]
-        assert (staged["n_matched"], staged["n_silent"], staged["n_predicted"]) == (12, 0, 12)
-        halted = on_air("send", "--staged", "--count", "12", "(WHEN (> id 0) (PROGN (MARK) (/ 1 0)))")
-        assert halted.status == 1
-        assert "not sent to the other robots" in halted.err
-        only = told(on_air("send", "--only", "r3,r10", "(MARK)", "--json"))
-        assert (only["matched"], only["n_silent"], only["not_matched"]) == (["r3", "r10"], 0, [])
-        chance = told(on_air("send", "--count", "12", "(WHEN (PROB 0.5) (MARK))", "--json"))
-        assert chance["n_predicted"] == 0, "nobody can say who will"
-        sonar = foreseen(3, "(WHEN (OR (> id 9) (> (SONAR 0) 900km)) (MARK))")
-        assert sonar["predicted"] == sonar["matched"] == ["r10", "r11", "r12"], "the others were asked themselves"
-        assert sonar["n_not_matched"] == 9
-        assert told(on_air("lease", "take", "bravo", "--seconds", "9", "--json"))["n_not_matched"] == ROBOTS
-        asked = told(on_air("ask", "id", "--json"))
-        assert [asked[key] for key in ("answers", "n", "min", "mean", "max")] == [12, 12, 1.0, 6.5, 12.0]
-        assert asked["histogram"] == {"low": 1.0, "high": 12.0, "counts": [2, 1, 1, 1, 1, 1, 1, 1, 1, 2]}
+@pytest.fixture
+def on_air(dozen: str) -> Callable[..., Called]:
+    return lambda *arguments: called_warm(*arguments, "--channel", dozen)
+
+
+def foreseen(channel: str, count: int, *arguments: str) -> dict[str, Any]:
+    """What becomes of a command that so many were to obey; said again where some were too late to tell of it."""
+    return again_until(lambda found: found["n_predicted"] == count, lambda: account(channel, "send", *arguments))
+
+
+def test_a_script_that_does_not_say_how_many_are_meant_is_refused(on_air: Callable[..., Called]) -> None:
+    refused = on_air("send", MARK, "--json")
+    assert (refused.status, refused.out) == (2, "")
+    assert "12 may obey, say how many are meant" in refused.err
+
+
+def test_a_person_is_asked_how_many_are_meant(dozen: str) -> None:
+    with terminal(["send", MARK, "--channel", dozen], Path.home()) as person:
+        person.wait_for("would obey 12: r1, r2, r3")
+        person.wait_for("Robots that are meant:")
+        person.type("12\r")
+        person.wait_for("matched 12")
+        assert person.status() == 0
+
+
+def test_what_is_hardly_meant_is_not_sent_for_a_script_unless_it_insists(on_air: Callable[..., Called]) -> None:
+    doubted = on_air("send", "--count", "12", DOUBTED)
+    assert (doubted.status, doubted.out) == (2, "")
+    assert "(did you mean (AND (> id 0) (> id 6))?)" in doubted.err
+    assert "Nothing was sent" in doubted.err
+    assert told(on_air("send", "--anyway", "--count", "12", DOUBTED, "--json"))["n_matched"] == ROBOTS
+
+
+def test_a_person_is_asked_about_what_is_hardly_meant(dozen: str) -> None:
+    with terminal(["send", DOUBTED, "--count", "12", "--channel", dozen], Path.home()) as person:
+        person.wait_for("did you mean (AND (> id 0) (> id 6))?")
+        person.wait_for("Send it as it stands?")
+        person.type("y\r")
+        person.wait_for("matched 12")
+        assert person.status() == 0
+
+
+def test_a_text_is_read_checked_and_foreseen_once(dozen: str) -> None:
+    with counted() as found:  # robots have told their names, so they are what they were when it was read
+        assert main(["send", "--count", "12", "--channel", dozen, MARK]) == 0
+    assert found == ONCE
+
+
+def test_in_stages_one_robot_is_first_then_two_then_all_others(dozen: str) -> None:
+    staged = foreseen(dozen, 12, "--staged", "--count", "12", MARK)
+    assert [stage["n_matched"] for stage in staged["stages"]] == [1, 2, 9]
+    assert (staged["n_matched"], staged["n_silent"], staged["n_predicted"]) == (12, 0, 12)
+
+
+def test_a_stage_with_a_fault_is_the_last(on_air: Callable[..., Called]) -> None:
+    halted = on_air("send", "--staged", "--count", "12", "(WHEN (> id 0) (PROGN (MARK) (/ 1 0)))")
+    assert halted.status == 1
+    assert "not sent to the other robots" in halted.err
+
+
+def test_only_those_that_are_named_obey(on_air: Callable[..., Called]) -> None:
+    only = told(on_air("send", "--only", "r3,r10", "(MARK)", "--json"))
+    assert (only["matched"], only["n_silent"], only["not_matched"]) == (["r3", "r10"], 0, [])
+
+
+def test_who_obeys_by_chance_is_not_foreseen(on_air: Callable[..., Called]) -> None:
+    chance = told(on_air("send", "--count", "12", "(WHEN (PROB 0.5) (MARK))", "--json"))
+    assert chance["n_predicted"] == 0, "nobody can say who will"
+
+
+def test_who_obeys_what_no_telemetry_tells_is_asked(dozen: str) -> None:
+    sonar = foreseen(dozen, 3, "(WHEN (OR (> id 9) (> (SONAR 0) 900km)) (MARK))")
+    assert sonar["predicted"] == sonar["matched"] == ["r10", "r11", "r12"], "the others were asked themselves"
+    assert sonar["n_not_matched"] == 9
+
+
+def test_a_lease_is_answered_by_all(on_air: Callable[..., Called]) -> None:
+    assert told(on_air("lease", "take", "bravo", "--seconds", "9", "--json"))["n_not_matched"] == ROBOTS
+
+
+def test_a_question_is_told_as_numbers(on_air: Callable[..., Called]) -> None:
+    asked = told(on_air("ask", "id", "--json"))
+    assert [asked[key] for key in ("answers", "n", "min", "mean", "max")] == [12, 12, 1.0, 6.5, 12.0]
+    assert asked["histogram"] == {"low": 1.0, "high": 12.0, "counts": [2, 1, 1, 1, 1, 1, 1, 1, 1, 2]}
+
+
+def test_robots_that_are_gone_do_not_confirm_stop(channel: str) -> None:
+    with swarm(2, channel) as process:
+        again_until(lambda asked: asked["n"] == 2, lambda: account(channel, "ask", "id"))
         process.kill()
         process.wait()
-        stopped = on_air("stop", "--seconds", "1", "--json")
-        assert (stopped.status, told(stopped)["n_silent"], told(stopped)["matched"]) == (1, ROBOTS, [])
+    stopped = called_warm("stop", "--seconds", "1", "--json", "--channel", channel)
+    assert (stopped.status, told(stopped)["n_silent"], told(stopped)["matched"]) == (1, 2, [])
 
 
 def test_what_robots_told_before_a_command_does_not_foresee_who_obeys_the_next(channel: str) -> None:

@@ -6,14 +6,16 @@ import json
 import signal
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
+from channel.test_udp import free_port
 from cli.calling import LONGEST, Called, again_until, called_warm
 from cli.terminal import terminal
-from cli.test_swarm import channel, swarm
-from processes import SLEEPCAST, running
+from cli.test_swarm import account, channel, swarm
+from processes import SLEEPCAST, live_in, running
 from sleepcast.station.roster import FleetFile
 
 __all__ = ["channel"]
@@ -30,65 +32,128 @@ def wait_for(process: subprocess.Popen[str], text: str) -> list[str]:
     raise AssertionError(f"it ended, and said {lines}")
 
 
+@pytest.fixture(scope="module")
+def three(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The channel of the robots r1 to r3, whose desk has heard them."""
+    uri = f"udp://239.255.83.78:{free_port()}?interface=lo"
+    with pytest.MonkeyPatch.context() as patch:
+        live_in(tmp_path_factory.mktemp("home"), patch)
+        with swarm(3, uri):
+            again_until(lambda asked: asked["n"] == 3, lambda: account(uri, "ask", "id"))
+            yield uri
+
+
+@pytest.fixture
+def on_air(three: str) -> Callable[..., Called]:
+    return lambda *arguments: called_warm(*arguments, "--channel", three)
+
+
+@pytest.fixture
+def expected(tmp_path: Path) -> str:
+    """A file that names these three and one more, which was never heard."""
+    file = tmp_path / "fleet.txt"
+    file.write_text("r1 r2 r3\nr4 # in the workshop\n")
+    return str(file)
+
+
+@pytest.fixture
+def four(on_air: Callable[..., Called], expected: str) -> Iterator[Called]:
+    """The desk expects these four as long as this lasts; what it says when it is told so."""
+    yield on_air("roster", "--expect", expected)
+    on_air("roster", "--expect", "none")
+
+
+def given_up(on_air: Callable[..., Called], said: str, *arguments: str) -> Called:
+    """STOP, given up after a moment; once more where robots of a busy machine did not confirm it within that."""
+    return again_until(lambda found: said in found.out, lambda: on_air("stop", *arguments))
+
+
+def test_those_that_are_expected_and_say_nothing_are_silent(on_air: Callable[..., Called]) -> None:
+    asked = json.loads(on_air("ask", "id", "--expect", "5", "--json").out)
+    assert (asked["answers"], asked["n_silent"], asked["n_nameless"]) == (3, 2, 2)
+    assert (asked["robots"], asked["expected"]) == (5, True)
+
+
+def test_where_nobody_is_expected_all_count_that_were_heard(on_air: Callable[..., Called]) -> None:
+    assert "silent 0 of 3 robots heard so far" in on_air("ask", "id").out
+    assert "would obey 3" in on_air("who", "(> id 0)").out
+
+
+def test_looks_have_a_row_for_each_that_is_expected(on_air: Callable[..., Called], expected: str) -> None:
+    who = json.loads(on_air("who", "(> id 0)", "--expect", expected, "--json").out)
+    assert (who["n_yes"], who["unknown"]) == (3, {"r4": "it has sent no telemetry yet"})
+    watched = json.loads(on_air("watch", "--once", "--expect", expected, "--json").out)
+    assert (len(watched["robots"]), watched["expected"], watched["silent"]) == (4, 4, 1)
+
+
+def test_given_up_it_says_who_has_not_confirmed(on_air: Callable[..., Called], expected: str) -> None:
+    said = "silent 1 of 4 robots: r4 (never heard)"
+    waited = given_up(on_air, said, "--expect", expected, "--timeout", "1")
+    assert waited.status == 1
+    assert "not confirmed by 1 of 4 robots" in waited.err
+    assert "STOP goes out with the key of desk (commander, " in waited.err
+
+
+def test_who_is_expected_is_remembered(three: str, four: Called) -> None:
+    assert four.status == 0
+    assert "r4  never heard" in four.out
+    assert f"4 are expected on {three}" in four.out
+
+
+def test_it_goes_on_until_ctrl_c_and_says_then_who_has_confirmed(three: str, four: Called) -> None:
+    with running(*SLEEPCAST, "stop", "--channel", three) as stop:
+        said = wait_for(stop, "stopped 3, silent 1 of 4 robots: r4")
+        assert len([line for line in said if "stopped" in line]) <= 3, "a line where something has changed"
+        stop.send_signal(signal.SIGINT)
+        out, err = stop.communicate(timeout=LONGEST)
+    assert stop.returncode == 1
+    assert "ended by Ctrl-C; STOP is not sent any more" in err
+    assert "stopped 3: r1, r2, r3" in out
+    assert "silent 1 of 4 robots: r4 (never heard)" in out
+
+
 def test_it_goes_on_until_each_expected_robot_has_confirmed(channel: str, tmp_path: Path) -> None:
     def on_air(*arguments: str) -> Called:
         return called_warm(*arguments, "--channel", channel)
 
-    def given_up(said: str, *arguments: str) -> Called:
-        """STOP, given up after a moment; once more where robots of a busy machine did not confirm it within that."""
-        return again_until(lambda found: said in found.out, lambda: on_air("stop", *arguments))
-
-    fleet = tmp_path / "fleet.txt"
-    fleet.write_text("r1 r2 r3\nr4 # in the workshop\n")
-    with swarm(3, channel):
-        asked = json.loads(on_air("ask", "id", "--expect", "5", "--json").out)
-        assert (asked["answers"], asked["n_silent"], asked["n_nameless"]) == (3, 2, 2)
-        assert (asked["robots"], asked["expected"]) == (5, True)
-        assert "silent 0 of 3 robots heard so far" in on_air("ask", "id").out
-        assert "would obey 3" in on_air("who", "(> id 0)").out
-        who = json.loads(on_air("who", "(> id 0)", "--expect", str(fleet), "--json").out)
-        assert (who["n_yes"], who["unknown"]) == (3, {"r4": "it has sent no telemetry yet"})
-        watched = json.loads(on_air("watch", "--once", "--expect", str(fleet), "--json").out)
-        assert (len(watched["robots"]), watched["expected"], watched["silent"]) == (4, 4, 1)
-
-        waited = given_up("silent 1 of 4 robots: r4 (never heard)", "--expect", str(fleet), "--timeout", "1")
-        assert waited.status == 1
-        assert "not confirmed by 1 of 4 robots" in waited.err
-        assert "STOP goes out with the key of desk (commander, " in waited.err
-
-        kept = on_air("roster", "--expect", str(fleet))
-        assert kept.status == 0
-        assert "r4  never heard" in kept.out
-        assert f"4 are expected on {channel}" in kept.out
-        with running(*SLEEPCAST, "stop", "--channel", channel) as stop:
-            said = wait_for(stop, "stopped 3, silent 1 of 4 robots: r4")
-            assert len([line for line in said if "stopped" in line]) <= 3, "a line where something has changed"
-            stop.send_signal(signal.SIGINT)
-            out, err = stop.communicate(timeout=LONGEST)
-            assert stop.returncode == 1
-            assert "ended by Ctrl-C; STOP is not sent any more" in err
-            assert "stopped 3: r1, r2, r3" in out
-            assert "silent 1 of 4 robots: r4 (never heard)" in out
+    (tmp_path / "fleet.txt").write_text("r1 r2")
+    with swarm(1, channel):
+        assert on_air("roster", "--expect", str(tmp_path / "fleet.txt")).status == 0
         with running(*SLEEPCAST, "stop", "--accepted", "--channel", channel) as stop:  # it begins at 30 kn
-            wait_for(stop, "silent 1 of 4 robots: r4")
-            with swarm(1, channel, "--first", "4"):
+            wait_for(stop, "silent 1 of 2 robots: r2")
+            with swarm(1, channel, "--first", "2"):
                 out, _ = stop.communicate(timeout=LONGEST)
                 assert stop.returncode == 0
-                assert "stopped 4: r1, r2, r3, r4" in out
-        assert given_up("silent 1 of 4 robots: r4 (last heard", "--timeout", "1").status == 1
+                assert "stopped 2: r1, r2" in out
+        assert given_up(on_air, "silent 1 of 2 robots: r2 (last heard", "--timeout", "1").status == 1
+        assert on_air("roster", "--forget", "r2", "--expect", "heard").status == 0
+        assert on_air("stop").status == 0, "it is expected no more"
 
-        file = FleetFile(channel, "sleepcast").file
-        file.write_bytes(b"{")
-        stopped = given_up("stopped 3: r1, r2, r3", "--timeout", "2")
-        assert stopped.status == 1, "STOP waits for no file"
-        assert "sleepcast roster --expect" in stopped.err
-        assert "sleepcast roster --expect" in on_air("ask", "id").err
-        assert on_air("roster", "--forget", "r4", "--expect", "heard").status == 0
-        assert on_air("stop").status == 0
-        assert on_air("roster", "--expect", "none").status == 0
-        assert not file.exists()
-        assert on_air("stop", "--expect", str(tmp_path / "none")).status == 1
-        assert on_air("ask", "id", "--expect", str(tmp_path / "none")).status == 2
+
+def test_a_damaged_file_of_the_expected_is_told_and_stop_does_not_wait_for_it(
+    three: str, on_air: Callable[..., Called], four: Called
+) -> None:
+    FleetFile(three, "sleepcast").file.write_bytes(b"{")
+    stopped = given_up(on_air, "stopped 3: r1, r2, r3", "--timeout", "2")
+    assert stopped.status == 1
+    assert "sleepcast roster --expect" in stopped.err
+    assert "sleepcast roster --expect" in on_air("ask", "id").err
+
+
+def test_those_heard_can_be_expected_and_nobody_again(three: str, on_air: Callable[..., Called], four: Called) -> None:
+    file = FleetFile(three, "sleepcast").file
+    assert file.exists()
+    assert on_air("roster", "--expect", "heard").status == 0
+    assert on_air("stop").status == 0
+    assert on_air("roster", "--expect", "none").status == 0
+    assert not file.exists()
+
+
+def test_a_missing_file_of_the_expected_ends_a_question_but_no_stop(
+    on_air: Callable[..., Called], tmp_path: Path
+) -> None:
+    assert on_air("stop", "--expect", str(tmp_path / "none")).status == 1
+    assert on_air("ask", "id", "--expect", str(tmp_path / "none")).status == 2
 
 
 def test_it_tells_its_progress_in_one_line_of_a_terminal(channel: str, tmp_path: Path) -> None:

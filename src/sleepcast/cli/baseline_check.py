@@ -15,7 +15,7 @@ from itertools import count, islice
 from typing import TYPE_CHECKING, NamedTuple
 
 from sleepcast.core.errors import SleepcastError, printable
-from sleepcast.language.vocabulary import buffer_number
+from sleepcast.language.vocabulary import buffer_number, rule_key
 from sleepcast.mind.limits import MAX_QUEUE
 
 if TYPE_CHECKING:
@@ -117,9 +117,9 @@ def _begin(node: Node, start: MindRecord, touched: frozenset[str]) -> None:
             _try(node.evaluate, f"(DEFUN {name} ({' '.join(parameters)}) {text})")
     for name, text, protected in start.rules:
         priority = start.priorities.get(name, 0)
-        if protected or (priority and _rule_key(name) not in touched):  # of a RULE or of the host: nobody tells which
+        if protected or (priority and rule_key(name) not in touched):  # of a RULE or of the host: nobody tells which
             _try(partial(node.install, priority=priority, protected=protected), name, text)
-        elif _rule_key(name) not in touched:
+        elif rule_key(name) not in touched:
             _try(node.evaluate, f"({'RULE' if buffer_number(name.casefold()) is None else 'SETQQ'} {name} {text})")
     for name in start.groups:
         if name.casefold() not in touched:
@@ -150,13 +150,8 @@ def _told(record: MindRecord, touched: frozenset[str]) -> Learned:
     return Learned(
         frozenset(name.casefold() for name in record.groups) & touched,
         tuple((name, tuple(given), text) for name, given, text in record.operators if name.casefold() in touched),
-        tuple((n, text, record.priorities.get(n, 0)) for n, text, _ in record.rules if _rule_key(n) in touched),
+        tuple((n, text, record.priorities.get(n, 0)) for n, text, _ in record.rules if rule_key(n) in touched),
     )
-
-
-def _rule_key(name: str) -> str:
-    number = buffer_number(name.casefold())
-    return name.casefold() if number is None else f"e{number}"
 
 
 def _difference(one: Learned, other: Learned, *, registers: bool = False) -> str:

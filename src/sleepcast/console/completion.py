@@ -45,7 +45,7 @@ def names_in(vocabulary: Vocabulary, column: Callable[[Variable], NDArray[np.flo
             shown.append(ShownName(binding.name, "constant", binding.doc, value))
         elif not ACTIVE0 < binding.slot < ACTIVE0 + BUFFERS:  # sixty-three flags would bury the other names
             quantity = binding.quantity
-            values = _range(column(binding), quantity.shown_as or quantity.unit)
+            values = _range(column(binding), quantity.shown_unit)
             shown.append(ShownName(binding.name, binding.kind.value, quantity.doc, values))
     return shown
 

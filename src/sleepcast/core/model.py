@@ -33,6 +33,11 @@ class Quantity:
     def dimension(self) -> Dimension:
         return dimension_of(self.unit)
 
+    @property
+    def shown_unit(self) -> str:
+        """The unit in which people read it, "" for a plain number."""
+        return self.shown_as or self.unit
+
 
 @dataclass(frozen=True, slots=True)
 class Constant:

@@ -49,7 +49,7 @@ from sleepcast.language.parts import Part
 from sleepcast.language.program import Program
 from sleepcast.language.reader import read, show
 from sleepcast.language.symbols import Declared, UserVariable
-from sleepcast.language.vocabulary import TICK, TIME_SLOT, Variable, Vocabulary, buffer_number
+from sleepcast.language.vocabulary import TICK, TIME_SLOT, Variable, Vocabulary, rule_key
 from sleepcast.mind.authority import (
     AT_REST,
     ENDED,
@@ -675,14 +675,12 @@ class Fleet(Mapping[str, RobotView]):
 
         Raises ReadError and CheckError for the text, SleepcastError if the rule is refused for another reason.
         """
-        buffer = buffer_number(name.casefold())
-        key = name.casefold() if buffer is None else f"e{buffer}"
         for outcome in self.evaluate(f"(RULE {name} {show(read(text))})", robots):
             if outcome.faults:
                 raise SleepcastError(f"the rule {name} cannot be installed: {outcome.faults[0].reason}")
             for mind, rows, _ in self.memory.divide(outcome.rows, lambda number: number):
                 draft = self.minds.draft(mind)
-                draft.rank(key, priority, protected)
+                draft.rank(rule_key(name), priority, protected)
                 self.memory.turn(rows, draft)
 
 

@@ -6,7 +6,7 @@ from sleepcast.language import Form, FreshNames, List, Symbol
 from sleepcast.language.program import build
 from sleepcast.language.reader import walk
 from sleepcast.language.symbols import Group, Operator, Stored, UserVariable
-from sleepcast.language.vocabulary import buffer_number
+from sleepcast.language.vocabulary import rule_key
 
 
 class LearnedNames(FreshNames):
@@ -30,9 +30,7 @@ class LearnedNames(FreshNames):
         elif form.head == "area":
             self._learned[key] = Operator(name.text, (), self._uses(form.items[2:], ()))
         elif form.head in ("rule", "setqq") and len(form.items) >= 3:
-            number = buffer_number(key)
-            key = key if number is None else f"e{number}"
-            self._learned[key] = Stored(name.text, self._uses(form.items[2:3], ()))
+            self._learned[rule_key(key)] = Stored(name.text, self._uses(form.items[2:3], ()))
 
     def _uses(self, body: tuple[Form, ...], parameters: tuple[str, ...]) -> frozenset[str]:
         program, _ = build("", body, self, parameters)

@@ -329,7 +329,7 @@ _TURNED = {"<": ">", ">": "<", "<=": ">=", ">=": "<="}
 
 def _runs(quantity: Quantity) -> str:
     """Where a variable lies, as declared: `fuel runs from 0 % to 100 %`."""
-    low, high = (value_in_words(end, quantity.shown_as or quantity.unit) for end in (quantity.low, quantity.high))
+    low, high = (value_in_words(end, quantity.shown_unit) for end in (quantity.low, quantity.high))
     if isfinite(quantity.low) and isfinite(quantity.high):
         return f"{quantity.name} runs from {low} to {high}"
     if isfinite(quantity.low):
@@ -339,7 +339,7 @@ def _runs(quantity: Quantity) -> str:
 
 def _range_hint(quantity: Quantity, limit: Part) -> str:
     """` (did you mean 50%?)` where the same digits in the variable's own unit would lie in its range."""
-    unit = quantity.shown_as or quantity.unit
+    unit = quantity.shown_unit
     if not unit or not isinstance(limit.form, Number) or limit.form.unit:
         return ""
     meant = to_si(limit.number, unit)

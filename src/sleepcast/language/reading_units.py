@@ -98,7 +98,7 @@ class _Made:
     def unit(self, part: Part) -> str | None:
         """The unit, "" for what has none of its own; None for a bare number and for unknown, which take any."""
         if isinstance(part.data, Variable) and part.op in ("var", "linked", "write"):
-            return part.data.quantity.shown_as or part.data.quantity.unit
+            return part.data.quantity.shown_unit
         if isinstance(part.data, HostFunction):
             return part.data.unit
         if part.op == "const":

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from sleepcast.language.reader import QUASIQUOTE, QUOTE, Form, List, Number, Symbol, read, walk
-from sleepcast.language.vocabulary import buffer_number
+from sleepcast.language.vocabulary import rule_key
 
 NAME = 48
 """Characters of a rule's name that the names of what it remembers begin with."""
@@ -125,8 +125,7 @@ def _message(form: Form, own: Own) -> Form:
     target, body = form.items[1:3] if len(form.items) >= 3 else (form, form)
     quoted = form.head == "setq" and isinstance(body, List) and body.head == QUOTE and len(body.items) == 2
     if isinstance(target, Symbol) and (quoted or form.head in ("rule", "setqq")):
-        number = buffer_number(target.key)
-        rule = _Rule(target.key if number is None else f"e{number}", form, own)
+        rule = _Rule(rule_key(target.key), form, own)
         body = rule.body(body.items[1] if quoted and isinstance(body, List) else body)
         head = Symbol("SETQQ", form.start, form.end) if quoted else form.items[0]
         stored = List((head, target, body, *form.items[3:]), form.start, form.end)

@@ -30,7 +30,7 @@ from sleepcast.language.reader import (
     show,
 )
 from sleepcast.language.remembering import FORMS, SHARE
-from sleepcast.language.vocabulary import Variable, VariableKind, buffer_number
+from sleepcast.language.vocabulary import Variable, VariableKind, buffer_number, rule_key
 
 MAX_LOOPS = 4
 """DOTIMES inside DOTIMES at most."""
@@ -224,7 +224,7 @@ def _store(checker: Checker, form: List, target: Symbol, body: Form, *, activate
         return checker.error("E0 @@ holds the message itself: nothing can be stored there", target)
     if number is None and not _is_free_for(checker, target, "rule"):
         return Part("const", form, number=nan)
-    key = target.key if number is None else f"e{number}"
+    key = rule_key(target.key)
     if height(body) > MAX_NESTING or len(show(body)) > MAX_TEXT:
         return checker.error("this rule @@, written out, is too long or too deeply nested: use two rules", form)
     steps = checker.stored(key, (body,), [], target)
@@ -323,16 +323,16 @@ def _of_area(checker: Checker, form: List) -> Part:
 
 @_special("activate", "deactivate", "forget")
 def _about_rule(checker: Checker, form: List) -> Part:
-    return Part("act", form, (), name=form.head or "", data=Label(_rule_key(checker, form.items[1])))
+    return Part("act", form, (), name=form.head or "", data=Label(_named_rule(checker, form.items[1])))
 
 
 @_special("lease")
 def _lease(checker: Checker, form: List) -> Part:
     seconds = checker.part(form.items[2])
-    return Part("act", form, (seconds,), name="lease", data=Label(_rule_key(checker, form.items[1])))
+    return Part("act", form, (seconds,), name="lease", data=Label(_named_rule(checker, form.items[1])))
 
 
-def _rule_key(checker: Checker, target: Form) -> str:
+def _named_rule(checker: Checker, target: Form) -> str:
     if not isinstance(target, Symbol):
         checker.error("the name of a rule or buffer is wanted @@", target)
         return ""
@@ -411,8 +411,7 @@ def _hops(checker: Checker, form: List) -> int:
 def _entered(form: Form) -> set[str]:
     """The keys of what evaluating a told form may enter: names in it that are not only written to, or kept unread."""
     if isinstance(form, Symbol):
-        number = buffer_number(form.key)
-        return {form.key if number is None else f"e{number}"}
+        return {rule_key(form.key)}
     if not isinstance(form, List) or form.head in _UNREAD or not form.items:
         return set()
     rest = form.items[2:] if form.head in _NAMING else form.items[1:]

@@ -95,6 +95,13 @@ def buffer_number(key: str) -> int | None:
     return None
 
 
+def rule_key(name: str) -> str:
+    """The key of the rule or buffer of this name: `e5` for `expr5`."""
+    key = name.casefold()
+    number = buffer_number(key)
+    return key if number is None else f"e{number}"
+
+
 @dataclass(eq=False)
 class Vocabulary:
     """The names of one type of robot; see the module. Sensors and actuators keep the order they are given in. areas:
@@ -187,4 +194,4 @@ def constants(named: Mapping[str, float]) -> tuple[Constant, ...]:
 def unit_of(name: str, vocabulary: Vocabulary) -> str:
     """The unit in which people read the variable `name`; "" for a plain number or no variable."""
     binding = vocabulary.bindings.get(name.casefold())
-    return (binding.quantity.shown_as or binding.quantity.unit) if isinstance(binding, Variable) else ""
+    return binding.quantity.shown_unit if isinstance(binding, Variable) else ""

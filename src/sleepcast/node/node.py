@@ -40,7 +40,7 @@ from sleepcast.language.program import Program, decide, evaluate
 from sleepcast.language.reader import read, show
 from sleepcast.language.rehearsal import Answer
 from sleepcast.language.symbols import Declared, UserVariable
-from sleepcast.language.vocabulary import FROZEN, SLEEPING, Variable, Vocabulary, buffer_number
+from sleepcast.language.vocabulary import FROZEN, SLEEPING, Variable, Vocabulary, rule_key
 from sleepcast.mind.authority import (
     AT_REST,
     ENDED,
@@ -389,8 +389,7 @@ class Node:
         result = self.evaluate(f"(RULE {name} {show(read(text))})")
         if result.faults:
             raise SleepcastError(f"the rule {name} cannot be installed: {result.faults[0].reason}")
-        number = buffer_number(name.casefold())
-        self._memory.base.rank(name.casefold() if number is None else f"e{number}", priority, protected)
+        self._memory.base.rank(rule_key(name), priority, protected)
         self._memory.records.changed()
 
     # ---- the body

@@ -26,7 +26,7 @@ from sleepcast.channel.message import KEYS, ONLY, WITHIN
 from sleepcast.core.errors import SleepcastError
 from sleepcast.language import Form, List, Symbol
 from sleepcast.language.reader import QUOTE, ReadError, read, walk
-from sleepcast.language.vocabulary import buffer_number
+from sleepcast.language.vocabulary import buffer_number, rule_key
 
 if TYPE_CHECKING:
     from sleepcast.station.network import NetworkStation
@@ -89,7 +89,7 @@ def _understood(form: Form, deed: Deed) -> bool:
     """Take in a form that does the same on all robots; returns whether it is one."""
     if not isinstance(form, List) or len(form.items) < 2 or not isinstance(form.items[1], Symbol):
         return False
-    head, key, rest = form.head or "", _key(form.items[1]), form.items[2:]
+    head, key, rest = form.head or "", rule_key(form.items[1].key), form.items[2:]
     if head == "setq" and len(rest) == 1 and buffer_number(form.items[1].key):
         if not (isinstance(rest[0], List) and rest[0].head == QUOTE):
             return False
@@ -97,7 +97,8 @@ def _understood(form: Form, deed: Deed) -> bool:
     if head in _TEXT_MAKERS:
         deed.sets[key] = _TEXT_MAKERS[head]
         deed.makes.add(key)
-        deed.needs |= {_key(each) for inside in rest for each in walk(inside) if isinstance(each, Symbol)} - {key}
+        named = {rule_key(each.key) for inside in rest for each in walk(inside) if isinstance(each, Symbol)}
+        deed.needs |= named - {key}
         if head == "rule":
             deed.sets[FLAG + key] = ""
     elif head == "forget":
@@ -116,16 +117,11 @@ def _understood(form: Form, deed: Deed) -> bool:
 
 def _doubt(form: Form, deed: Deed) -> None:
     """Take in a form that may do anything to what it names."""
-    names = {_key(each) for each in walk(form) if isinstance(each, Symbol)}
+    names = {rule_key(each.key) for each in walk(form) if isinstance(each, Symbol)}
     deed.certain = False
     deed.changes |= {each for name in names for each in (name, FLAG + name)}
     deed.needs |= names
     deed.all |= "rollback" in names
-
-
-def _key(symbol: Symbol) -> str:
-    number = buffer_number(symbol.key)
-    return symbol.key if number is None else f"e{number}"
 
 
 class BaselineProposal(NamedTuple):

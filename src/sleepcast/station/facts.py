@@ -119,7 +119,7 @@ def _quantities(source: FactSource) -> Iterator[Measured]:
             quantity = binding.quantity
             flag = binding.kind.value == "support" and (quantity.low, quantity.high) == (0.0, 1.0)
             near = 0 if binding.name.casefold() in ("x", "y", "id") or flag else 1
-            found.append((binding.name, quantity.shown_as or quantity.unit, flag, near))
+            found.append((binding.name, quantity.shown_unit, flag, near))
     found += [(each.name, "", False, 1) for each in _learned(source) if isinstance(each, UserVariable)]
     for name, unit, flag, rank in found[:MOST_QUANTITIES]:
         values = _values(source, name)

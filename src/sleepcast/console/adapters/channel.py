@@ -342,7 +342,7 @@ class FleetAdapter:
         """In which people read where robots are."""
         binding = self.vocabulary.bindings.get(X)
         quantity = binding.quantity if isinstance(binding, Variable) else None
-        unit = "" if quantity is None else quantity.shown_as or quantity.unit
+        unit = "" if quantity is None else quantity.shown_unit
         return unit if unit in UNITS and UNITS[unit].dimension == LENGTH else self.scene.unit
 
     def _area(self) -> Area:

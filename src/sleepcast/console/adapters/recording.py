@@ -61,7 +61,7 @@ class TimelineBuilder:
         if picture is not None:  # only its name is recorded: it may lie beside the recording
             picture = existing(replace(picture, file=recording.file.parent / picture.file.name))
         scene = scene_of(replace(scenario, commands=(), picture=picture), tuple(simulator.names))
-        units = {sensor.name: sensor.shown_as or sensor.unit for sensor in simulator.model.sensors}
+        units = {sensor.name: sensor.shown_unit for sensor in simulator.model.sensors}
         part = recording.part if recording.part > 1 or recording.following else 0
         vocabulary = vocabulary_of(simulator.model)
         kinds = tuple(kind_of(scenario, sort) for sort in scenario.each_type)

@@ -38,6 +38,7 @@ PAGES = {
     "tak": 3,
     "use-from-python": 1,
     "write-a-bridge": 3,
+    "write-a-plug-in": 2,
 }
 """Commands at least that each page shows."""
 FIGURE = "docs/pictures/first-study.svg"
@@ -122,10 +123,13 @@ class Reader:
 
 
 @pytest.fixture
-def reader(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reader]:
-    found = Reader(tmp_path, free_port(), tmp_path_factory.mktemp("added"))
-    yield found
-    for process in found.running.values():
+def reader(
+    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Reader]:
+    someone = Reader(tmp_path, free_port(), tmp_path_factory.mktemp("added"))
+    monkeypatch.syspath_prepend(someone.added)  # commands that the page's packages add are looked up here, too
+    yield someone
+    for process in someone.running.values():
         os.kill(process.pid, signal.SIGKILL)
         process.wait()
 

@@ -99,7 +99,7 @@ FEATURES = {
     "the dead man's switch": Feature(
         "what a driven robot does",
         r"\bDriving\b",
-        {"console/static/": "driving a robot by hand", "fleet/schema.py": "how a snapshot keeps it"},
+        {"nomad/panes/static/": "driving a robot by hand", "fleet/schema.py": "how a snapshot keeps it"},
     ),
     "coming to rest": Feature(
         "when a stopped robot is at rest",

@@ -53,8 +53,21 @@ def test_the_page_itself_is_asked_before_its_desk() -> None:
 def test_no_question_is_answered_twice() -> None:
     def again(source: SpreadSource, asked: GetSpread) -> None: ...
 
-    with pytest.raises(MisuseError, match="GetSpread is answered twice"):
+    with pytest.raises(
+        MisuseError, match=r'the tag "spread" is that of two questions, of sleepcast.console.features.spread and of '
+    ):
         answers()(again)
+
+
+class Halted(PageMessage, tag="stop"):
+    """A question of a package that would be taken for STOP."""
+
+
+def test_nobody_else_takes_the_tag_of_stop() -> None:
+    def halted(source: SpreadSource, asked: Halted) -> None: ...
+
+    with pytest.raises(MisuseError, match='the tag "stop" is that of two questions'):
+        answers()(halted)
 
 
 class StoppedDesk(SimpleNamespace):

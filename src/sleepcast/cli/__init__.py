@@ -20,7 +20,7 @@ from sleepcast.cli.interrupts import INTERRUPTED
 from sleepcast.cli.streams import ReaderGone, complain, open_streams
 from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean
 from sleepcast.core.extensions import COMMANDS as ADDED
-from sleepcast.core.extensions import Extension, extensions, find_extension, load_extension
+from sleepcast.core.extensions import OWN, Extension, extensions, find_extension, load_extension
 from sleepcast.core.version import VERSION
 
 NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO})
@@ -71,7 +71,8 @@ class LazyGroup(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """The names, in the order in which a newcomer needs them."""
-        return [*COMMANDS, *(name for name in extensions(ADDED) if name not in COMMANDS)]
+        added = sorted(extensions(ADDED).values(), key=lambda each: (each.package != OWN, each.name))
+        return [*COMMANDS, *(each.name for each in added if each.name not in COMMANDS)]
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         """The command of that name, or None. Raises MisuseError for one of a package that cannot be loaded."""

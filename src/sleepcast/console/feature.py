@@ -19,7 +19,7 @@ from typing import Any, Generic, Protocol, TypeAlias, TypeVar, get_type_hints
 
 import msgspec
 
-from sleepcast.console.incoming import PageMessage
+from sleepcast.console.incoming import AT_ONCE, PageMessage
 from sleepcast.console.marks import clock_time
 from sleepcast.core.errors import MisuseError
 
@@ -62,6 +62,11 @@ class Handler:
     lacking: str
     recording: str
 
+    @property
+    def is_own(self) -> bool:
+        """Whether sleepcast itself answers."""
+        return self.answer.__module__.startswith("sleepcast.")
+
     def supported_by(self, source: object) -> bool:
         """Whether a source has what it takes."""
         return has(source, self.needs)
@@ -78,8 +83,11 @@ def answers(
 
     def register(function: Function) -> Function:
         source, asked, *_ = get_type_hints(function).values()
-        if asked in HANDLERS:
-            raise MisuseError(f"{asked.__name__} is answered twice: by {HANDLERS[asked].answer} and {function}")
+        tag = asked.__struct_config__.tag
+        for other in (*AT_ONCE, *HANDLERS):
+            if tag == other.__struct_config__.tag:
+                twice = f"of {other.__module__} and of {function.__module__}"
+                raise MisuseError(f'the tag "{tag}" is that of two questions, {twice}')
         HANDLERS[asked] = Handler(asked, members_of(source), function, then, lacking, recording)
         return function
 

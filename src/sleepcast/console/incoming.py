@@ -54,6 +54,10 @@ class Drawn(PageMessage):
     number: Annotated[int, Meta(ge=0, le=2**32 - 1)]
 
 
+AT_ONCE: tuple[type[PageMessage], ...] = (Stop, Release, Drawn)
+"""What is no question, and goes the shortest way."""
+
+
 class PageMessageError(MisuseError):
     """Something from the page that is no message."""
 

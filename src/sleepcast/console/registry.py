@@ -7,6 +7,8 @@ to the desk at once.
 
 from __future__ import annotations
 
+from collections.abc import Awaitable, Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from importlib import import_module
 from pkgutil import iter_modules
@@ -16,12 +18,9 @@ from typing import ClassVar, Protocol, Union
 import msgspec
 
 from sleepcast.console import features
-from sleepcast.console.feature import BEGINNINGS, HANDLERS, NOT_HERE_AT_ALL, Reply, Then, has
-from sleepcast.console.incoming import Drawn, PageMessage, Release, Stop, read
-from sleepcast.core.errors import MisuseError
-
-AT_ONCE: tuple[type[PageMessage], ...] = (Stop, Release, Drawn)
-"""What is no feature: it goes the shortest way."""
+from sleepcast.console.feature import BEGINNINGS, HANDLERS, NOT_HERE_AT_ALL, Answer, Handler, Reply, Then, has
+from sleepcast.console.incoming import AT_ONCE, PageMessage, read
+from sleepcast.core.errors import MisuseError, SleepcastError
 
 
 def collect(package: ModuleType) -> None:
@@ -48,12 +47,27 @@ def messages() -> tuple[type[PageMessage], ...]:
 
 def decode(data: str | bytes) -> PageMessage:
     """The message in `data`. Raises PageMessageError."""
-    return read(_decoder(len(HANDLERS)), data)
+    return read(_decoder(messages()), data)
 
 
-@lru_cache(maxsize=1)  # questions only come to it while packages are loaded
-def _decoder(questions: int) -> msgspec.json.Decoder[PageMessage]:
-    return msgspec.json.Decoder(Union[(*AT_ONCE, *HANDLERS)])
+@lru_cache(maxsize=1)  # they change only while packages are loaded
+def _decoder(kinds: tuple[type[PageMessage], ...]) -> msgspec.json.Decoder[PageMessage]:
+    return msgspec.json.Decoder(Union[(*kinds,)])
+
+
+@contextmanager
+def all_or_none() -> Iterator[None]:
+    """What registers questions within the block registers all of them; none, if anything is raised, or if no message
+    could be read any more, not even STOP."""
+    handlers, beginnings = dict(HANDLERS), list(BEGINNINGS)
+    try:
+        yield
+        _decoder(messages())
+    except BaseException:
+        HANDLERS.clear()
+        HANDLERS.update(handlers)
+        BEGINNINGS[:] = beginnings
+        raise
 
 
 def answer(asked: PageMessage, desk: Source, page: object = None, then: Then | None = None) -> Reply:
@@ -76,7 +90,29 @@ def answer(asked: PageMessage, desk: Source, page: object = None, then: Then | N
     if source is None:
         own = handler.recording if desk.recorded else ""
         raise MisuseError(own or handler.lacking or desk.lacks)
-    return handler.answer(source, asked)
+    return handler.answer(source, asked) if handler.is_own else _guarded(handler, source, asked)
+
+
+def _guarded(handler: Handler, source: object, asked: PageMessage) -> Reply:
+    """The answer of another package, whose mistakes cost a page no more than this answer."""
+    try:
+        reply = handler.answer(source, asked)
+    except Exception as error:
+        raise _failed(handler, error) from error
+    return _guarded_wait(handler, reply) if isinstance(reply, Awaitable) else reply
+
+
+async def _guarded_wait(handler: Handler, reply: Awaitable[Answer]) -> Answer:
+    try:
+        return await reply
+    except Exception as error:
+        raise _failed(handler, error) from error
+
+
+def _failed(handler: Handler, error: Exception) -> SleepcastError:
+    if isinstance(error, SleepcastError):
+        return error
+    return MisuseError(f"{handler.answer.__module__} has failed: {type(error).__name__}: {error}")
 
 
 def begin(desk: Source) -> None:

@@ -19,8 +19,6 @@ import webbrowser
 from collections.abc import Awaitable, Callable, Coroutine, Iterable, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass
-from importlib.resources import files
-from pathlib import Path
 from secrets import compare_digest, token_urlsafe
 from typing import Any
 
@@ -39,6 +37,7 @@ from sleepcast.console.driver import Driver
 from sleepcast.console.incoming import MAX_BYTES
 from sleepcast.console.lobby import Greeter, Lobby, LobbyServer, Quiet, protocol_in
 from sleepcast.console.network import FleetOnAir, NetworkBackend
+from sleepcast.console.page_parts import STATIC, Parts, added_parts, with_parts
 from sleepcast.console.past import Past
 from sleepcast.console.renewal import RunSwitcher
 from sleepcast.console.replay import ReplayBackend
@@ -113,7 +112,12 @@ def serve_runs(runs: RunSwitcher, clock: Clock, *, address: Address, say: Callab
     """
 
     def app(door: PageAccess) -> Starlette:
-        return make_app("index.html", door, lambda socket: PageSession(socket, SwarmDialogue(runs.desk), clock).run())
+        return make_app(
+            "index.html",
+            door,
+            lambda socket: PageSession(socket, SwarmDialogue(runs.desk), clock).run(),
+            parts=added_parts(say),
+        )
 
     asyncio.run(serve_pages(app, runs.live, address=address, say=say, around=runs))
 
@@ -152,7 +156,12 @@ def serve_backend(
     """
 
     def app(door: PageAccess) -> Starlette:
-        return make_app("index.html", door, lambda socket: PageSession(socket, SwarmDialogue(desk), clock).run())
+        return make_app(
+            "index.html",
+            door,
+            lambda socket: PageSession(socket, SwarmDialogue(desk), clock).run(),
+            parts=added_parts(say),
+        )
 
     pages = serve_pages(
         app,
@@ -308,7 +317,6 @@ PORT = re.compile(r":\d+$")
 MAX_PAGES = 16
 """Pages that may be open at one time; each gets its own frames."""
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
-STATIC = Path(str(files("sleepcast.console"))) / "static"
 
 REFUSED = (
     "This is sleepcast, but the address lacks the right token.\n"
@@ -365,7 +373,7 @@ def make_app(
     door: PageAccess,
     attend: Callable[[WebSocket], Awaitable[None]],
     more: Sequence[Route] = (),
-    panes: str = "",
+    parts: Parts = (),
 ) -> Starlette:
     """The application.
 
@@ -373,15 +381,14 @@ def make_app(
     door: who may come in.
     attend: serves one open page until it goes away; there are `MAX_PAGES` at most.
     more: routes of this page alone.
-    panes: the class of the page's body, by which it has other panes than those of a swarm; see `static/main.js`.
+    parts: what packages add to it.
     """
     open_pages: set[WebSocket] = set()
-    body = f'<body class="{panes}">' if panes else "<body>"
 
     async def front(request: Request) -> Response:
         if not door.knows(request):
             return HTMLResponse(ENTRANCE, 403 if door.is_foreign(request) or "token" in request.query_params else 200)
-        text = (STATIC / page).read_text("utf-8").replace("<body>", body, 1)
+        text = with_parts((STATIC / page).read_text("utf-8"), parts)
         return Response(text, media_type="text/html")
 
     async def live(socket: WebSocket) -> None:
@@ -398,6 +405,7 @@ def make_app(
     routes = [
         Route("/", front),
         WebSocketRoute("/live", live),
+        *(Mount(f"/static/{name}", StaticFiles(directory=part.static)) for name, part in parts),
         Mount("/static", StaticFiles(directory=STATIC)),
         *more,
     ]

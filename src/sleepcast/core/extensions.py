@@ -27,6 +27,7 @@ BUILT_IN: dict[str, dict[str, str]] = {
         "sim": "sleepcast.cli.simulated_body:open_body",
     },
     COMMANDS: {"nserver": "sleepcast.nomad.command.nserver:nserver"},
+    PAGES: {"nomads": "sleepcast.nomad.panes.serving:PAGE"},
     TRANSPORTS: {
         "memory": "sleepcast.channel.transports.memory:MemoryTransport",
         "udp": "sleepcast.channel.transports.udp:open_udp",

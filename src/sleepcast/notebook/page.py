@@ -11,7 +11,7 @@ import re
 from functools import cache
 from graphlib import TopologicalSorter
 
-from sleepcast.console.server import STATIC
+from sleepcast.console.page_parts import STATIC
 
 ENTRY = "main"
 """The module with which the page begins."""

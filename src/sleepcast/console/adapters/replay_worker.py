@@ -27,6 +27,7 @@ from sleepcast.console.explanation import show_why
 from sleepcast.console.features.plots import AddPlot
 from sleepcast.console.features.why import Explained, Why
 from sleepcast.console.marks import clock_time
+from sleepcast.console.page_parts import added_parts
 from sleepcast.console.past import Sampled
 from sleepcast.console.replay_client import Question, ReplayAnswer, RerunError, RunMoment, digest
 from sleepcast.console.series import plain, sample_of
@@ -333,6 +334,7 @@ def serve_past(pipe: connection.Connection) -> None:
             given_up = max(given_up, pipe.recv())
         return given_up >= current
 
+    added_parts(lambda sentence: None)  # for what packages ask; what is wrong with them, the page's own process says
     past = ReplayWorker(ended)
     try:
         while True:

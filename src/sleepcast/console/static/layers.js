@@ -4,7 +4,7 @@ import { make } from "./elements.js";
 import { keep, kept } from "./kept.js";
 
 const KEY = "layers";
-// on: whether it is shown until somebody chooses; null: where there are many robots.
+// on: whether it is shown until somebody chooses; null: where there are many robots. order: what erases it, if anything does.
 export const SWARM_LAYERS = [
   { name: "trails", title: "Trails", key: "T", on: true },
   { name: "names", title: "Names", on: true },
@@ -14,17 +14,6 @@ export const SWARM_LAYERS = [
   { name: "density", title: "Density", on: null, hint: "How many robots are where. Shown by itself while more than 20,000 are in sight." },
   { name: "sensors", title: "Sensors of the chosen robot", on: false, hint: "Its sonars, what it touches, and how far it senses" },
   { name: "encoders", title: "Encoder position of the chosen robot", on: false, hint: "Where its wheels tell it to be" },
-];
-// order: what erases it, given to the chosen robot.
-export const NOMAD_LAYERS = [
-  { name: "picture", title: "Picture under the map", on: true, hint: "That of the scenario's map, or one that you choose" },
-  { name: "actual", title: "Actual trace", key: "T", on: true, order: "refresh_actual_trace" },
-  { name: "encoder", title: "Encoder trace and position", on: true, hint: "Where each robot believes to be, dashed", order: "refresh_encoder_trace" },
-  { name: "sonar", title: "Sonar", on: true, order: "refresh_sonar_sensor" },
-  { name: "infrared", title: "Infrared", on: true, order: "refresh_infrared_sensor" },
-  { name: "bumper", title: "Bumper", on: true, order: "refresh_bumper_sensor" },
-  { name: "graphics", title: "Drawn by programs", on: true, order: "refresh_client_graphics" },
-  { name: "names", title: "Names", on: true },
 ];
 
 // "erase" is dispatched with the order that erases a layer.

@@ -1,5 +1,5 @@
-// The page: what any robots have, and the panes that fit those that are there. What a pane knows it is told here, in
-// swarmpanes.js, or in nomadpanes.js; panes do not know each other.
+// The page: what any robots have, and the panes that fit those that are there. What a pane knows it is told here, or in
+// swarmpanes.js; panes do not know each other. Those that packages add get `page`.
 
 import { BodyLayer } from "./body.js";
 import { Drawer } from "./drawer.js";
@@ -9,8 +9,8 @@ import { Layers } from "./layers.js";
 import { showLine } from "./line.js";
 import { Link } from "./link.js";
 import { Measure } from "./measure.js";
-import { nomadPanes } from "./nomadpanes.js";
 import { ObstacleTool } from "./obstacles.js";
+import { own } from "./panes.js";
 import { GroundPicture } from "./picture.js";
 import { Port } from "./port.js";
 import { Safety } from "./safety.js";
@@ -26,7 +26,6 @@ import { World } from "./world.js";
 const find = (id) => document.getElementById(id);
 const press = (id) => find(id).click();
 const embedded = document.body.classList.contains("embedded"); // in a notebook, whose widget carries the messages
-const nomads = document.body.classList.contains("nomads"); // robots that programs drive, not a swarm with minds of its own
 
 const wire = new Wire(embedded ? () => new Port() : () => new WebSocket(socket()), !embedded);
 const world = new World(document.querySelector(".world"));
@@ -34,15 +33,15 @@ const undo = new Undo(find("undone"));
 const drawer = new Drawer(document.querySelector(".drawer"));
 const time = new Time(document, wire);
 new Safety(document, wire);
-const panes = (nomads ? nomadPanes : swarmPanes)({ find, press, wire, world, drawer, embedded, undo, follow, refused });
+const panes = (own.panes ?? swarmPanes)({ find, press, wire, world, drawer, embedded, undo, follow, refused });
 const { robot, senses } = panes;
 
 // ---- from the desk
 
-showLine(wire, find("offline"), nomads ? "the server" : "the station");
+showLine(wire, find("offline"), panes.behind ?? "the station");
 
 wire.addEventListener("hello", ({ detail }) => {
-  const scene = { ...detail.scene, count: detail.count, unheard: detail.unheard, discs: nomads };
+  const scene = { ...detail.scene, count: detail.count, unheard: detail.unheard, discs: Boolean(panes.discs) };
   find("title").textContent = scene.title;
   document.title = `${scene.title} · sleepcast`;
   for (const story of document.querySelectorAll(".story")) story.textContent = scene.story;
@@ -177,3 +176,7 @@ window.addEventListener("keydown", (event) => {
   else if (!panes.key(event.key)) return;
   event.preventDefault();
 });
+
+// ---- for panes that packages add: their modules import it
+
+export const page = { wire, world, drawer, undo };

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib.resources import files
+from pathlib import Path
 
 from starlette.applications import Starlette
 
-from sleepcast.console import registry
+from sleepcast.console.page_parts import PagePart, whole_page
 from sleepcast.console.server import Address, PageAccess, make_app, serve_pages
 from sleepcast.console.session import PageSession
 from sleepcast.core.clock import Clock
@@ -15,8 +17,16 @@ from sleepcast.nomad.panes.backend import NomadsBackend
 from sleepcast.nomad.panes.dialogue import NomadDialogue
 from sleepcast.nomad.panes.view import Nomads
 
-PANES = "nomads"
-"""The class of the page's body by which it has the panes of Nomads, and not those of a swarm."""
+NAME = "nomads"
+"""Of their page among those that packages add."""
+PAGE = PagePart(
+    Path(str(files("sleepcast.nomad.panes"))) / "static",
+    "nomadpanes.js",
+    style="nomads.css",
+    pieces="pieces.html",
+    features=features,
+    whole=True,
+)
 
 
 async def serve_nomads(
@@ -31,12 +41,12 @@ async def serve_nomads(
 
     The rest is as for `serve_pages`.
     """
-    registry.collect(features)
+    parts = whole_page(NAME)
     desk = NomadsBackend(nomads, clock)
 
     def app(door: PageAccess) -> Starlette:
         return make_app(
-            "index.html", door, lambda socket: PageSession(socket, NomadDialogue(desk), clock).run(), panes=PANES
+            "index.html", door, lambda socket: PageSession(socket, NomadDialogue(desk), clock).run(), parts=parts
         )
 
     await serve_pages(

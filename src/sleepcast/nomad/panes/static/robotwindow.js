@@ -1,13 +1,13 @@
 // The Robot window: the world as the chosen robot sees it, by its own belief. Its path, what its sonars saw, and, where
 // a program asks for a place, a click that answers.
 
-import { write } from "./elements.js";
-import { gestures } from "./gestures.js";
-import { drawGrid, drawLabel } from "./ground.js";
+import { write } from "../elements.js";
+import { gestures } from "../gestures.js";
+import { drawGrid, drawLabel } from "../ground.js";
 import { drawBody, drawCrosses, drawDots, drawTrace } from "./nomaddrawing.js";
-import { drawCones, drawTouches, sizeOf } from "./sensing.js";
-import { colourOf } from "./shapes.js";
-import { gridStep, View } from "./view.js";
+import { drawCones, drawTouches, sizeOf } from "../sensing.js";
+import { colourOf } from "../shapes.js";
+import { gridStep, View } from "../view.js";
 
 const BEGIN = 1.5; // m in sight to every side at the start
 const SPEECH = 6; // simulated seconds for which what it said stands beside it

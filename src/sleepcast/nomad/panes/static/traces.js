@@ -1,11 +1,11 @@
 // What the map shows of Nomads beside their bodies: both traces, where each believes to be, its turret, what programs have
 // drawn; and a robot that is dragged elsewhere.
 
-import { drawLabel } from "./ground.js";
+import { drawLabel } from "../ground.js";
 import { drawBody, drawSketches, drawTrace, drawTurret } from "./nomaddrawing.js";
-import { drawBelief } from "./sensing.js";
-import { colourOf } from "./shapes.js";
-import { sizesOf } from "./swarm.js";
+import { drawBelief } from "../sensing.js";
+import { colourOf } from "../shapes.js";
+import { sizesOf } from "../swarm.js";
 
 // "place" is dispatched with {robot, pose} when a robot was dragged there.
 export class Traces extends EventTarget {

@@ -1,7 +1,7 @@
 // One button for each robot, with what becomes of it: driven by a program, by several, or asking for a place.
 
-import { make } from "./elements.js";
-import { colourOf } from "./shapes.js";
+import { make } from "../elements.js";
+import { colourOf } from "../shapes.js";
 
 const MANY = 8; // robots, beyond which their buttons say less
 

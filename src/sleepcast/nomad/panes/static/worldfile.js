@@ -1,6 +1,6 @@
 // Obstacles as a file: those of one that is loaded, and a file with those that there are.
 
-import { download } from "./files.js";
+import { download } from "../files.js";
 
 const MAX = 100_000; // characters, as console/incoming.py has it
 const LONGEST_NAME = 200;

@@ -1,9 +1,9 @@
 // Orders to the chosen robot: buttons, fields, and a command line with completion, history and a sentence for mistakes.
 
-import { History } from "./history.js";
-import { Listbox } from "./listbox.js";
-import { Refusal } from "./wire.js";
-import { make } from "./elements.js";
+import { History } from "../history.js";
+import { Listbox } from "../listbox.js";
+import { Refusal } from "../wire.js";
+import { make } from "../elements.js";
 
 const HINT = "An order and its numbers, such as vm 50 50. ↑ brings back earlier ones, Tab completes.";
 const HERE = { x: 0, y: 1, steering: 2, turret: 3 }; // fields that begin as where the robot believes to be

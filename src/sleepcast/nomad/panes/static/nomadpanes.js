@@ -3,23 +3,37 @@
 
 import { Chooser } from "./chooser.js";
 import { Driving } from "./drive.js";
-import { NOMAD_LAYERS } from "./layers.js";
+import { own } from "../panes.js";
 import { Orders } from "./orders.js";
-import { RobotPane } from "./robot.js";
+import { RobotPane } from "../robot.js";
 import { RobotWindow } from "./robotwindow.js";
-import { SensorsPane } from "./sensors.js";
+import { SensorsPane } from "../sensors.js";
 import { Traces } from "./traces.js";
 import { Windows } from "./windows.js";
-import { Refusal } from "./wire.js";
+import { Refusal } from "../wire.js";
 import { WorldFile } from "./worldfile.js";
 
+// order: what erases a layer, given to the chosen robot.
+const LAYERS = [
+  { name: "picture", title: "Picture under the map", on: true, hint: "That of the scenario's map, or one that you choose" },
+  { name: "actual", title: "Actual trace", key: "T", on: true, order: "refresh_actual_trace" },
+  { name: "encoder", title: "Encoder trace and position", on: true, hint: "Where each robot believes to be, dashed", order: "refresh_encoder_trace" },
+  { name: "sonar", title: "Sonar", on: true, order: "refresh_sonar_sensor" },
+  { name: "infrared", title: "Infrared", on: true, order: "refresh_infrared_sensor" },
+  { name: "bumper", title: "Bumper", on: true, order: "refresh_bumper_sensor" },
+  { name: "graphics", title: "Drawn by programs", on: true, order: "refresh_client_graphics" },
+  { name: "names", title: "Names", on: true },
+];
+
+own.panes = nomadPanes;
+
 // page: what all pages have, as main.js gives it. Gives what main.js tells and asks.
-export function nomadPanes({ find, wire, world }) {
+function nomadPanes({ find, wire, world }) {
   const windows = new Windows(world);
   const orders = new Orders(document, wire, windows);
   const chooser = new Chooser(find("chooser"));
   const driving = new Driving(document, wire, windows, [find("map"), find("own")]);
-  const own = new RobotWindow(find("own"), windows);
+  const robotWindow = new RobotWindow(find("own"), windows);
   const traces = new Traces(world, windows);
   const file = new WorldFile(document, wire);
   const said = "It has said nothing. A program says something with tk.";
@@ -50,13 +64,13 @@ export function nomadPanes({ find, wire, world }) {
     windows.take(detail);
     chooser.show(windows.robots);
   });
-  wire.addEventListener("robot", ({ detail }) => own.setSaid(detail.said));
+  wire.addEventListener("robot", ({ detail }) => robotWindow.setSaid(detail.said));
   wire.addEventListener("lost", () => driving.release());
 
   // Choosing the same robot again forgets nothing that the desk would not tell again.
   const look = (index) => index === windows.chosen || world.choose(index);
   chooser.addEventListener("choose", ({ detail }) => look(detail));
-  own.addEventListener("answer", ({ detail }) => answer(detail));
+  robotWindow.addEventListener("answer", ({ detail }) => answer(detail));
   file.addEventListener("told", ({ detail }) => orders.answer(detail.text, detail.wrong));
   traces.addEventListener("place", ({ detail }) => {
     const [x, y, heading, turret] = detail.pose;
@@ -76,7 +90,9 @@ export function nomadPanes({ find, wire, world }) {
   return {
     robot,
     senses: windows,
-    layers: NOMAD_LAYERS,
+    layers: LAYERS,
+    behind: "the server",
+    discs: true,
     trails: "actual",
     actions: [
       ["Load obstacles from a file", "", () => find("load").click()],
@@ -91,7 +107,7 @@ export function nomadPanes({ find, wire, world }) {
     legend: () => [],
     recolour: () => {
       sensors.draw();
-      own.repaint();
+      robotWindow.repaint();
       if (world.scene) chooser.offer(world.scene.names, world.colours);
     },
     focus: () => orders.focus(),

@@ -1,6 +1,6 @@
 // How Nomads, their traces and what their programs draw look on maps, in pixels of a View.
 
-import { disc, sizeOf, spoke } from "./sensing.js";
+import { disc, sizeOf, spoke } from "../sensing.js";
 
 // Modes 4 and on of what programs draw; 1 to 3 are the pen's own colour.
 const NAMED = [

@@ -1,0 +1,144 @@
+"""What packages add to pages: ES modules, style sheets, pieces of HTML, and questions with their answers.
+
+Each is a `PagePart`, an entry point in the group `sleepcast.pages`. A part that is `whole` is a page of its own, with
+other panes than those of a swarm, and is asked for by its name, as that of Nomads is. Every other part is added to the
+page of a swarm, of a recording and of robots on the air. Its files are served at `static/NAME/`, by this server as all
+others are: the page loads nothing from elsewhere.
+
+What questions and answers of packages are made of (`answers`, `PageMessage`, `DeskMessage` and so on) can be imported
+from here, so that no package has to know where in this room it stands.
+
+A part that cannot be loaded costs a page only that part: the person at the terminal is told which package is to blame,
+and the page, with its STOP, opens without it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from types import ModuleType
+
+from sleepcast.console import registry
+from sleepcast.console.feature import answers, only_now, run_again
+from sleepcast.console.incoming import PageMessage, Serial
+from sleepcast.console.outgoing import DeskMessage, Done
+from sleepcast.console.values import Values
+from sleepcast.core.errors import MisuseError
+from sleepcast.core.extensions import OWN, PAGES, Extension, extensions, find_extension, load_extension
+
+__all__ = [
+    "STATIC",
+    "DeskMessage",
+    "Done",
+    "PageMessage",
+    "PagePart",
+    "Parts",
+    "Serial",
+    "Values",
+    "added_parts",
+    "answers",
+    "only_now",
+    "run_again",
+    "whole_page",
+    "with_parts",
+]
+
+STATIC = Path(str(resources.files("sleepcast.console"))) / "static"
+NAME = re.compile(r"[a-z][a-z0-9_-]{0,40}")
+"""A name that can stand in an address and in a class of the page's body."""
+ROOM = re.compile(r"[ \t]*<!-- room: ([\w-]+) -->\n?")
+"""A place in `static/index.html` for pieces of a part, and in a file of pieces the place for what follows."""
+
+
+@dataclass(frozen=True, slots=True)
+class PagePart:
+    """What a package adds to pages.
+
+    static: the folder of its files.
+    module: the ES module in it that the page loads; `page` of `../main.js` is what it has to do with.
+    style: the style sheet in it, "" for none.
+    pieces: the file in it with pieces of HTML for the rooms of `index.html`, "" for none.
+    features: the package (a folder of modules) with its questions, see `console.feature`; None for none.
+    whole: whether it is a page of its own, see the module; its module is loaded before `main.js`.
+    """
+
+    static: Path
+    module: str
+    style: str = ""
+    pieces: str = ""
+    features: ModuleType | None = None
+    whole: bool = False
+
+
+Parts = Sequence[tuple[str, PagePart]]
+"""Parts of one page with their names."""
+
+
+def whole_page(name: str) -> Parts:
+    """The page of its own that has this name. Raises MisuseError where there is none."""
+    added = find_extension(PAGES, name)
+    if added is None:
+        raise MisuseError(f'no page "{name:.80}": no installed package adds one in {PAGES}')
+    return [(name, _load(added))]
+
+
+def added_parts(say: Callable[[str], None]) -> Parts:
+    """What installed packages add to the page of a swarm. say: tells the person at the terminal what cannot be
+    loaded."""
+    parts = []
+    for name, added in extensions(PAGES).items():
+        if added.package == OWN:  # which are pages of their own
+            continue
+        try:
+            part = _load(added)
+        except MisuseError as error:
+            say(f"{error}; the page opens without it")
+            continue
+        if not part.whole:
+            parts.append((name, part))
+    return parts
+
+
+def _load(added: Extension) -> PagePart:
+    """A part with its questions. Raises MisuseError."""
+    who = f'page "{added.name}" of the package {added.package}'
+    if not NAME.fullmatch(added.name) or (STATIC / added.name).exists():
+        raise MisuseError(f"{who}: wanted another name, of small letters and digits, that no folder of the page has")
+    try:
+        with registry.all_or_none():
+            part = load_extension(added, "page")
+            if not isinstance(part, PagePart):
+                raise MisuseError(f"{who} is no PagePart but {part!r:.60}")
+            files = (part.module, part.style, part.pieces)
+            if lacking := [file for file in files if file and not (part.static / file).is_file()]:
+                raise MisuseError(f"{who} has no file {', '.join(lacking)} in {part.static}")
+            if part.features is not None:
+                registry.collect(part.features)
+    except MisuseError:
+        raise
+    except (Exception, SystemExit) as error:  # a module that is imported may do anything
+        raise MisuseError(f"{who} cannot be loaded: {type(error).__name__}: {error}") from error
+    return part
+
+
+def with_parts(text: str, parts: Parts) -> str:
+    """The page's HTML with what parts add."""
+    rooms: dict[str, str] = {}
+    for name, part in parts:
+        pieces = ROOM.split((part.static / part.pieces).read_text("utf-8") if part.pieces else "")
+        _put(rooms, zip(pieces[1::2], pieces[2::2], strict=True))
+        script = f'<script type="module" src="static/{name}/{part.module}"></script>\n'
+        _put(rooms, [("first" if part.whole else "scripts", script)])
+        if part.style:
+            _put(rooms, [("styles", f'<link rel="stylesheet" href="static/{name}/{part.style}">\n')])
+    page = ROOM.sub(lambda room: rooms.get(room[1], ""), text)
+    classes = " ".join(name for name, part in parts if part.whole)
+    return page.replace("<body>", f'<body class="{classes}">', 1) if classes else page
+
+
+def _put(rooms: dict[str, str], pieces: Iterable[tuple[str, str]]) -> None:
+    for room, piece in pieces:
+        rooms[room] = rooms.get(room, "") + piece

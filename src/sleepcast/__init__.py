@@ -64,10 +64,10 @@ _MODULES = {
 
 def __getattr__(name: str) -> object:
     if name in _PARTS:
-        found: object = import_module(_PARTS[name])
+        named: object = import_module(_PARTS[name])
     elif name in _MODULES:
-        found = getattr(import_module(_MODULES[name]), name)
+        named = getattr(import_module(_MODULES[name]), name)
     else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    globals()[name] = found
-    return found
+    globals()[name] = named
+    return named

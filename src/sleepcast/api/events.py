@@ -40,7 +40,11 @@ class FleetEvent:
 
 
 class EventQueue:
-    """Events that have not been taken yet. now: s; groups: the members of each group now."""
+    """Events that have not been taken yet.
+
+    now: gives the time, s.
+    groups: gives the members of each group now.
+    """
 
     def __init__(self, now: Callable[[], float], groups: Callable[[], Mapping[str, tuple[str, ...]]]) -> None:
         self._now, self._groups, self._known = now, groups, groups()

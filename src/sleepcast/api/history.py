@@ -47,7 +47,11 @@ class History:
         return np.array([sample[which] for sample in self._samples]).reshape(len(self), len(self.names))
 
     def take(self, time: float, sample: NDArray[np.float64]) -> None:
-        """Add a sample. time: s; sample: shape (expressions, robots). Raises MisuseError when it is full."""
+        """Add a sample. Raises MisuseError when the history is full.
+
+        time: s.
+        sample: shape (expressions, robots).
+        """
         if (len(self) + 1) * sample.size > MAX_VALUES:
             raise MisuseError(
                 f"the history is full: it holds {len(self) * sample.size:,} values, at most {MAX_VALUES:,} fit. "

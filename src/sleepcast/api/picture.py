@@ -80,7 +80,12 @@ def _shown(count: int) -> NDArray[np.intp]:
 
 
 class _Frame(NamedTuple):
-    """The part of the world that is drawn. left, top: m; scale: pixels a metre; wide, high: pixels."""
+    """The part of the world that is drawn.
+
+    left, top: m.
+    scale: pixels a metre.
+    wide, high: pixels.
+    """
 
     left: float
     top: float

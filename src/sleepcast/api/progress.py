@@ -62,6 +62,16 @@ def counting(title: str, count: Callable[[], int], most: int, *, quiet: bool = F
             line.add_task("")
             line.start()
 
+    try:
+        with unless_soon(begin):
+            yield
+    finally:
+        line.stop()
+
+
+@contextmanager
+def unless_soon(begin: Callable[[], object]) -> Iterator[None]:
+    """Call `begin`, on a thread of its own, once the block has taken `PATIENCE` seconds."""
     timer = Timer(PATIENCE, begin)
     timer.daemon = True
     timer.start()
@@ -70,7 +80,6 @@ def counting(title: str, count: Callable[[], int], most: int, *, quiet: bool = F
     finally:
         timer.cancel()
         timer.join()
-        line.stop()
 
 
 def counting_column(title: str, count: Callable[[], int], most: int) -> ProgressColumn:

@@ -117,7 +117,7 @@ class BridgedBody(ABC):
         self._motion = self.failsafe = REST
         self._current = REST
         """What is wanted in this round, before its speed is paced."""
-        self._told: Motion | None = None
+        self._sent_motion: Motion | None = None
         """What the robot was last told, the very object."""
         self._stopped = self._held = False
         self._jobs: deque[Callable[[], object]] = deque()
@@ -343,7 +343,7 @@ class BridgedBody(ABC):
     def rest(self) -> None:
         """Forget what was asked: the robot has lost or found itself anew, and nothing old may resume."""
         with self._lock:
-            self._motion, self._told, self._speed = REST, None, 0.0
+            self._motion, self._sent_motion, self._speed = REST, None, 0.0
             self._jobs.clear()
 
     def _check_reach(self) -> None:
@@ -388,9 +388,9 @@ class BridgedBody(ABC):
             jobs, self._jobs = list(self._jobs), deque()
         motion = self._paced_motion(motion)
         todo: list[Callable[[], object]] = list(jobs)
-        if self.RENEWS or motion is not self._told:
+        if self.RENEWS or motion is not self._sent_motion:
             todo.insert(0 if motion is REST else len(todo), lambda: self.carry_out(motion))
-            self._told = motion
+            self._sent_motion = motion
         try:
             for job in todo:
                 try:

@@ -176,8 +176,8 @@ def _run(arguments: list[str]) -> int:
         status = program.main(arguments, prog_name="sleepcast", standalone_mode=False)
     except click.NoSuchOption as error:
         if times := _other_times(error):
-            said = f"there is no option {error.option_name} here: what takes a time is {', '.join(times)}"
-            click.UsageError(said, error.ctx).show()
+            sentence = f"there is no option {error.option_name} here: what takes a time is {', '.join(times)}"
+            click.UsageError(sentence, error.ctx).show()
         else:
             error.show()
         return error.exit_code

@@ -46,11 +46,11 @@ def resting(rest: RestAccount) -> dict[str, object]:
     not tell."""
     from sleepcast.station.account import rest_counts
 
-    counts: dict[str, object] = {f"n_{sort}": count for sort, count in rest_counts(rest).items()}
+    counts: dict[str, object] = {f"n_{kind}": count for kind, count in rest_counts(rest).items()}
     if rest.n_stopping <= MANY:
         counts["stopping"] = {name: state_as_dict(state) for name, state in rest.stopping.items()}
     few = {"at_rest": rest.at_rest, "accepted": rest.accepted}
-    return counts | {sort: list(_sorted(names)) for sort, names in few.items() if len(names) <= MANY}
+    return counts | {kind: list(_sorted(names)) for kind, names in few.items() if len(names) <= MANY}
 
 
 def state_as_dict(state: RestState) -> dict[str, object]:

@@ -76,8 +76,8 @@ class Case:
     def objection(self, messages: Mapping[int, Message], kept: list[int]) -> str:
         """Why robots might not end the same; "" if they do."""
         full = self.learned(messages.values())
-        told = _told(self.start, self.touched)
-        if other := _difference(told, full):
+        own = _learned_of(self.start, self.touched)
+        if other := _difference(own, full):
             who = ", ".join(self.robots[:3])
             return f"{who} and these commands differ in {other}: robots have refused one, or others have changed it"
         for cut in _cuts(len(messages)):
@@ -139,14 +139,14 @@ def _of(node: Node, touched: frozenset[str]) -> Learned:
     from sleepcast.mind.inspection import mind_text
     from sleepcast.mind.telemetry import MindRecord
 
-    learned = _told(decode(mind_text(node.memory.base), type=MindRecord), touched)
+    learned = _learned_of(decode(mind_text(node.memory.base), type=MindRecord), touched)
     state = node.memory.base.merging.state()
     made = {key: (forgotten, made[:1]) for key, (forgotten, made) in state.made.items()}
     active = [(rule.name, rule.active) for rule in node.rules()]
     return learned._replace(registers=(state.floor, state.written, state.flags, made, active))
 
 
-def _told(record: MindRecord, touched: frozenset[str]) -> Learned:
+def _learned_of(record: MindRecord, touched: frozenset[str]) -> Learned:
     return Learned(
         frozenset(name.casefold() for name in record.groups) & touched,
         tuple((name, tuple(given), text) for name, given, text in record.operators if name.casefold() in touched),

@@ -93,8 +93,8 @@ def _repeated(entry: JournalEntry) -> str:
 
 def _accounted(entry: JournalEntry) -> str:
     details = entry.details
-    said = [outcome for outcome in COUNTED if outcome not in RARE or details.get(f"n_{outcome}")]
-    counts = [f"{COUNTED[outcome]} {details.get(f'n_{outcome}')}" for outcome in said]
+    outcomes = [outcome for outcome in COUNTED if outcome not in RARE or details.get(f"n_{outcome}")]
+    counts = [f"{COUNTED[outcome]} {details.get(f'n_{outcome}')}" for outcome in outcomes]
     names = details.get("silent")
     silent = [str(name) for name in names] if isinstance(names, list) else []
     listed = ", ".join(silent[:SHOWN]) + (", ..." if len(silent) > SHOWN else "")

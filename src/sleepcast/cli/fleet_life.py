@@ -97,7 +97,7 @@ class FleetProcess:
         self._fleet, self._air, self._options, self._named = fleet, air, options, named
         self._clock = WallClock()
         self._began = self._clock.now()
-        self._said: set[str] = set()
+        self._complained: set[str] = set()
         chosen_keys(air, True, self._say_once)  # what is wrong with them is told now, and not of each robot
         self._multiplexer = multiplexer_for(air)
         self._anchor = self._multiplexer.port(())
@@ -239,8 +239,8 @@ class FleetProcess:
         return namespace.removeprefix("/") or self._fleet.mapping.name
 
     def _say_once(self, sentence: str) -> None:
-        if sentence not in self._said:
-            self._said.add(sentence)
+        if sentence not in self._complained:
+            self._complained.add(sentence)
             complain(sentence)
 
     def _drop(self, mind: EmbodiedMind, error: SleepcastError) -> None:

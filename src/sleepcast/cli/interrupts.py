@@ -51,10 +51,11 @@ class Interrupts:
     """What Ctrl-C and SIGTERM do while this is entered: they end the process on the spot; after `defer`, they wait for
     `check`.
 
-    said: what is printed if one ends the process on the spot; `{}` is which."""
+    notice: what is printed if one ends the process on the spot; `{}` is which.
+    """
 
-    def __init__(self, said: str = TOO_EARLY) -> None:
-        self._said = said
+    def __init__(self, notice: str = TOO_EARLY) -> None:
+        self._notice = notice
         self._pressed: int | None = None
         self._ours: list[signal.Signals] = []
 
@@ -87,7 +88,7 @@ class Interrupts:
         """End without asking Python, which may be anywhere; not even its streams, which may be in the middle of a
         line."""
         if sys.stderr is not None:
-            os.write(2, f"{self._said.format(NAMES[signal.Signals(number)])}\n".encode())
+            os.write(2, f"{self._notice.format(NAMES[signal.Signals(number)])}\n".encode())
         os._exit(128 + number)
 
     def _set(self, handler: Callable[[int, FrameType | None], object]) -> None:

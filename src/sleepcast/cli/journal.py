@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 LAST = 20
 """Entries that are shown unless more are asked for."""
-MOST = 1_000_000
+MAX_SHOWN = 1_000_000
 """Entries that can be shown: what memory holds with ease; `export` has no end."""
 PAUSE = 0.25
 """Seconds between two looks at a journal that is followed."""
@@ -98,7 +98,9 @@ def _query(command: Callable[..., int]) -> Callable[..., int]:
 
 @journal.command("search", short_help="Show entries.")
 @_query
-@click.option("--last", metavar="N", type=click.IntRange(1, MOST), default=LAST, show_default=True, help="At most.")
+@click.option(
+    "--last", metavar="N", type=click.IntRange(1, MAX_SHOWN), default=LAST, show_default=True, help="At most."
+)
 @click.option("--follow", is_flag=True, help="Keep printing new entries until Ctrl-C.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object a line.")
 @_place
@@ -113,7 +115,7 @@ def search(file: Path, query: Query, last: int = LAST, follow: bool = False, as_
     """
     from sleepcast.station.journal.reader import JournalReader
 
-    show = _as_json if as_json else _told
+    show = _as_json if as_json else _as_line
     with JournalReader(file) as reader:
         _tell_lost(reader)
         end = reader.last
@@ -245,12 +247,12 @@ def _rows(entries: Iterator[FiledEntry]) -> Iterator[str]:
         entry, cells = written.entry, io.StringIO()
         when = datetime.fromtimestamp(written.written, UTC).isoformat(timespec="microseconds")
         details = json.dumps(entry.details, ensure_ascii=False)
-        said = (entry.who, entry.event, entry.subject, entry.text, details, written.hash.hex())
-        csv.writer(cells, lineterminator="\n").writerow((entry.number, when, entry.time, *said))
+        rest = (entry.who, entry.event, entry.subject, entry.text, details, written.hash.hex())
+        csv.writer(cells, lineterminator="\n").writerow((entry.number, when, entry.time, *rest))
         yield cells.getvalue().removesuffix("\n")
 
 
-def _told(written: FiledEntry) -> str:
+def _as_line(written: FiledEntry) -> str:
     """One line for a person, in local time."""
     from sleepcast.cli.describe import entry_text
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from sleepcast.cli.interrupts import Interrupts
-from sleepcast.cli.progress import unless_soon
+from sleepcast.cli.progress import told_unless_soon
 from sleepcast.cli.streams import complain, put
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.extras import installing
@@ -102,7 +102,7 @@ def _progress(count: int, quiet: bool) -> Iterator[Callable[[str], object]]:
     console = Console(stderr=True)
     if quiet or not console.is_terminal:
         sentence = f"compiling some {KERNELS} kernels for this computer, half a minute of a processor's time ..."
-        with nullcontext() if quiet else unless_soon(sentence):
+        with nullcontext() if quiet else told_unless_soon(sentence):
             yield lambda name: None
         return
     kernels = counting_column("kernel", kernel_count, KERNELS)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from functools import partial
 from shutil import get_terminal_size
-from threading import Timer
 from time import perf_counter
 
-from sleepcast.api.progress import PATIENCE, counting
+from sleepcast.api.progress import counting, unless_soon
 from sleepcast.cli.streams import complain
 
 RENEWED = 0.1
@@ -24,23 +24,23 @@ class Status:
 
     def __init__(self) -> None:
         self._terminal = sys.stderr is not None and sys.stderr.isatty()
-        self._said, self._due, self._wide = "", 0.0, 0
+        self._shown, self._due, self._wide = "", 0.0, 0
         self._latest = ""
 
     def __enter__(self) -> Status:
         return self
 
     def __exit__(self, *ended: object) -> None:
-        if not self._terminal and self._latest != self._said:  # a log does not end with what is not so any more
+        if not self._terminal and self._latest != self._shown:  # a log does not end with what is not so any more
             complain(self._latest)
         self.clear()
 
     def show(self, text: str) -> None:
         """Print this, if it is new; while something else was printed a moment ago, only the latest, at the end."""
         now, self._latest = perf_counter(), text
-        if text == self._said or now < self._due:
+        if text == self._shown or now < self._due:
             return
-        self._said, self._due = text, now + (RENEWED if self._terminal else LOGGED)
+        self._shown, self._due = text, now + (RENEWED if self._terminal else LOGGED)
         if self._terminal:
             width = get_terminal_size().columns - 1
             self._put(f"\r{text[:width]:<{min(self._wide, width)}}")
@@ -52,7 +52,7 @@ class Status:
         """Make room for other lines."""
         if self._terminal and self._wide:
             self._put(f"\r{'':<{self._wide}}\r")
-            self._said, self._wide = "", 0
+            self._shown, self._wide = "", 0
 
     @staticmethod
     def _put(text: str) -> None:
@@ -61,16 +61,9 @@ class Status:
             sys.stderr.flush()
 
 
-@contextmanager
-def unless_soon(sentence: str) -> Iterator[None]:
+def told_unless_soon(sentence: str) -> AbstractContextManager[None]:
     """Say on standard error what is going on, if it takes more than `PATIENCE` seconds."""
-    timer = Timer(PATIENCE, complain, (sentence,))
-    timer.daemon = True
-    timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()
+    return unless_soon(partial(complain, sentence))
 
 
 @contextmanager
@@ -79,9 +72,10 @@ def compiling() -> Iterator[None]:
     from sleepcast.simulator import KERNELS, kernel_count
 
     what = "compiling the simulator, once on this computer"
+    notice: AbstractContextManager[None]
     if sys.stderr is not None and sys.stderr.isatty():
-        said = counting(f"{what}: kernel", kernel_count, KERNELS)
+        notice = counting(f"{what}: kernel", kernel_count, KERNELS)
     else:
-        said = unless_soon(f"{what}: up to {KERNELS} kernels, at most half a minute of a processor's time")
-    with said:
+        notice = told_unless_soon(f"{what}: up to {KERNELS} kernels, at most half a minute of a processor's time")
+    with notice:
         yield

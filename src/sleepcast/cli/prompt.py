@@ -91,7 +91,11 @@ class WordCompleter(Completer):
 
     @abstractmethod
     def names(self, before: str, word: str) -> Iterable[str]:
-        """What may stand there. before: all that was typed up to the cursor; word: what it ends with."""
+        """What may stand there.
+
+        before: all that was typed up to the cursor.
+        word: what it ends with.
+        """
 
     @abstractmethod
     def about(self, name: str) -> str:

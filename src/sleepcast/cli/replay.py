@@ -98,8 +98,11 @@ def replay(
 
 @dataclass(frozen=True, slots=True)
 class ReplayCheck:
-    """What came of running a recording again. compared: how many states; differs: the first tick whose state is another
-    one, None if there is none."""
+    """What came of running a recording again.
+
+    compared: how many states.
+    differs: the first tick whose state is another one; None if there is none.
+    """
 
     compared: int
     differs: int | None

@@ -51,7 +51,7 @@ def roster(fleet: str, channel: str, expect: str | None, forget: str | None, as_
     from sleepcast.station.cache import PeerCache
     from sleepcast.station.roster import FleetFile
 
-    contacts, kept = PeerCache.of(fleet), FleetFile(channel, fleet)
+    contacts, fleet_file = PeerCache.of(fleet), FleetFile(channel, fleet)
     if forget is not None:
         names = sorted(contacts.heard) if forget == "all" else forget.replace(",", " ").split()
         for name in names:
@@ -60,8 +60,8 @@ def roster(fleet: str, channel: str, expect: str | None, forget: str | None, as_
                 raise MisuseError(f"no robot {name!r:.80} was ever heard in the fleet {fleet!r}{known}")
         contacts.forget(names)
     if expect is not None:
-        _expect(expect, contacts, kept)
-    expected = kept.read()
+        _expect(expect, contacts, fleet_file)
+    expected = fleet_file.read()
     now = time.time()
     heard = sorted(contacts.heard.items(), key=lambda each: -each[1])
     if as_json:
@@ -77,19 +77,19 @@ def roster(fleet: str, channel: str, expect: str | None, forget: str | None, as_
     nameless = expected.size - len(heard) - len(missing)
     if nameless > 0:
         put(f"  {nameless} more that were never heard")
-    said = f"{expected.size} are expected" if expected else "nobody has said how many there are (--expect)"
-    put(f"{said} on {printable(channel)}")
+    sentence = f"{expected.size} are expected" if expected else "nobody has said how many there are (--expect)"
+    put(f"{sentence} on {printable(channel)}")
     return 0
 
 
-def _expect(said: str, contacts: PeerCache, kept: FleetFile) -> None:
+def _expect(given: str, contacts: PeerCache, fleet_file: FleetFile) -> None:
     """Store which robots belong to the fleet. Raises ExpectationError, FleetFileLostError."""
     from sleepcast.channel.message_batch import natural_order
     from sleepcast.station.roster import Expectation, read_expectation
 
-    if said == NONE:
-        kept.remove()
+    if given == NONE:
+        fleet_file.remove()
     else:
-        kept.write(
-            Expectation.of(sorted(contacts.heard, key=natural_order)) if said == HEARD else read_expectation(said)
+        fleet_file.write(
+            Expectation.of(sorted(contacts.heard, key=natural_order)) if given == HEARD else read_expectation(given)
         )

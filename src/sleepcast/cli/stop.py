@@ -128,8 +128,8 @@ def _insist(station: NetworkStation, sent: Command, until: float, check: Callabl
             nonlocal reasons
             check()
             account = station.accounting(sent.id)
-            names = printable(", ".join(account.first_silent(NAMED)))
-            silent = f"silent {account.n_silent} {account.scope}{names and f': {names}'}"
+            silent_names = printable(", ".join(account.first_silent(NAMED)))
+            silent = f"silent {account.n_silent} {account.scope}{silent_names and f': {silent_names}'}"
             status.show(f"stopped {account.n_matched}, {silent}")
             if not account.n_matched and station.now >= reasons:
                 reasons = inf

@@ -166,8 +166,8 @@ def _experiment(what: str, folder: Path, how: dict[str, object]) -> Experiment:
     )
     from sleepcast.experiments.results import experiment_in
 
-    said = {key: how[key] for key in ("over", "measures", "seeds", "seconds", "every", "until") if how[key]}
-    given = [f"--{'measure' if key == 'measures' else key}" for key in said]
+    options = {key: how[key] for key in ("over", "measures", "seeds", "seconds", "every", "until") if how[key]}
+    given = [f"--{'measure' if key == 'measures' else key}" for key in options]
     given += ["--no-mission"] if how["no_mission"] else []
     own = experiment_of_scenario(what)
     if own is not None and not given:
@@ -177,9 +177,9 @@ def _experiment(what: str, folder: Path, how: dict[str, object]) -> Experiment:
         if given:
             raise MisuseError(f"{what} says what is varied and measured: leave out {', '.join(given)}")
         return experiment_in(path) if is_results(path) else read_experiment(path)
-    if own is not None and "measures" not in said:
-        return own.varied(mission=not how["no_mission"], **said)  # type: ignore[arg-type]  # click has checked them
-    return experiment_of(what, mission=not how["no_mission"], **said)  # type: ignore[arg-type]  # as above
+    if own is not None and "measures" not in options:
+        return own.varied(mission=not how["no_mission"], **options)  # type: ignore[arg-type]  # click has checked them
+    return experiment_of(what, mission=not how["no_mission"], **options)  # type: ignore[arg-type]  # as above
 
 
 def written_in(what: str) -> Path | None:
@@ -204,8 +204,11 @@ def _modules(experiment: Experiment, written: Path | None) -> list[Path]:
 
 def let_programs_run(experiment: Experiment, written: Path | None, *, trusted: bool) -> bool:
     """See that functions in Python which an experiment names may be run, and let Python find their modules; gives
-    whether there are any. written: see `written_in`. trusted: whether somebody has said so. Raises MisuseError for what
-    nobody answers for, and for modules that are nowhere."""
+    whether there are any. Raises MisuseError for what nobody answers for, and for modules that are nowhere.
+
+    written: see `written_in`.
+    trusted: whether somebody has said so.
+    """
     from sleepcast.experiments.trust import is_own, look_in, programs
 
     modules = _modules(experiment, written)

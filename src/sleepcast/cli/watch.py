@@ -83,8 +83,11 @@ def _look(station: NetworkStation, telemetry: TelemetryClient, seconds: float) -
 
 
 class Window:
-    """What is shown. text: for which robots it must be true, None for all; wanted: names of variables, None for the
-    usual ones. Raises ReadError and CheckError for the text."""
+    """What is shown. Raises ReadError and CheckError for the text.
+
+    text: for which robots it must be true; None for all.
+    wanted: names of variables; None for the usual ones.
+    """
 
     def __init__(
         self, station: NetworkStation, telemetry: TelemetryClient, text: str | None, wanted: Sequence[str] | None

@@ -16,9 +16,11 @@ HEIGHT = 620
 
 
 class FleetWidget(anywidget.AnyWidget):
-    """Map and prompt of a fleet in a notebook. page: its markup; height: in pixels.
+    """Map and prompt of a fleet in a notebook. Where no browser shows widgets (a notebook that was saved, or run by a
+    program), it is the picture of the fleet.
 
-    Where no browser shows widgets (a notebook that was saved, or run by a program), it is the picture of the fleet.
+    page: its markup.
+    height: in pixels.
     """
 
     _esm = (files("sleepcast.notebook") / "widget.js").read_text(encoding="utf-8")

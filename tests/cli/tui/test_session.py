@@ -84,7 +84,7 @@ def test_who_would_obey_depends_on_whom_it_is_for(seat: Seat) -> None:
     for unknown, complaint in (("r7", "neither a robot nor a group"), ("(> x", "is not closed")):
         session.enter(f":to {unknown}")
         assert session.wrong
-        assert complaint in session.said
+        assert complaint in session.message
 
 
 def test_a_preview_that_takes_long_keeps_no_key_waiting(seat: Seat, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -125,7 +125,7 @@ def test_what_is_typed_so_far_is_foreseen_and_what_is_wrong_pointed_at(seat: Sea
 def test_unknown_tests_and_failing_rules_are_shown(seat: Seat) -> None:
     assert seat.foreseen("(WHEN (> fuell 1) (ST))").startswith("would obey: yes 0, no 0, unknown 3 (its test has no")
     assert not seat.session.enter("(WHEN (> fuell 1) (DRIVE 1))")
-    assert "none of the 3 robots that have sent telemetry has fuell" in seat.session.said
+    assert "none of the 3 robots that have sent telemetry has fuell" in seat.session.message
     seat.run(HELD)
     assert seat.session.enter("(WHEN (> fuell 1) (DRIVE 1))")
     seat.run(1.0)
@@ -157,7 +157,7 @@ def test_what_was_refused_stays_typed(seat: Seat) -> None:
     with counted() as found:
         assert session.enter("(DRIVE 1)")
     assert found == ONCE
-    assert not session.said
+    assert not session.message
     seat.run(1.0)
     assert "matched 3" in seat.shown()
     session.hush()
@@ -178,11 +178,11 @@ def test_many_are_counted_by_hand() -> None:
     session = seat.session
     session.address("all")
     assert session.enter("(DRIVE 1)")
-    assert "Type 11 to send it" in session.said
+    assert "Type 11 to send it" in session.message
     session.hush()
-    assert session.said, "what is to be typed stays said"
+    assert session.message, "what is to be typed stays said"
     assert session.enter("10")
-    assert session.said == "not sent"
+    assert session.message == "not sent"
     with counted() as found:
         session.enter("(DRIVE 1)")
         assert session.enter("11")
@@ -199,10 +199,10 @@ def test_what_is_hardly_meant_is_entered_twice(seat: Seat) -> None:
     sent = len(seat.kinds())
     assert not session.enter(doubted), "the text stays typed"
     assert session.wrong
-    assert session.said.startswith(
+    assert session.message.startswith(
         "(> id 1) at 1:16 decides nothing: its value goes nowhere (did you mean (AND (> id 0)"
     )
-    assert session.said.endswith("Press Enter once more to send it as it stands")
+    assert session.message.endswith("Press Enter once more to send it as it stands")
     session.address("r2")
     assert not session.enter(doubted), "to somebody else it is another command"
     assert not session.enter("(WHEN (> id 0) (> id 5) (DRIVE 1))")
@@ -221,13 +221,13 @@ def test_stages_go_on_while_all_goes_well() -> None:
     session = seat.session
     session.type = CommandType.STAGED
     session.enter("(WHEN (> id 0) (DRIVE 1))")
-    assert "Type 11" in session.said
+    assert "Type 11" in session.message
     session.enter("11")
-    assert session.said.startswith("stage 1")
+    assert session.message.startswith("stage 1")
     assert not session.enter("(DRIVE 0)")
-    assert "still sent in stages" in session.said
+    assert "still sent in stages" in session.message
     seat.run(2.0)
-    assert (session.said, session.staging) == ("all 3 stages went well", None)
+    assert (session.message, session.staging) == ("all 3 stages went well", None)
     driven = [name for name, robot in seat.scene.fleet.items() if robot.body.driven]
     assert len(driven) == 11
     counts = [command.addressed - command.n_silent for command in seat.station.commands()[-3:]]
@@ -249,8 +249,8 @@ def test_stages_end_where_one_goes_wrong(text: str, lost: str, said: str) -> Non
     session.type = CommandType.STAGED
     session.enter(text)
     seat.run(4.0)
-    assert "halted after stage 1" in session.said
-    assert said in session.said
+    assert "halted after stage 1" in session.message
+    assert said in session.message
     assert (session.wrong, session.staging) == (True, None)
     assert not any(robot.body.driven for name, robot in seat.scene.fleet.items() if name != "r1")
 
@@ -351,7 +351,7 @@ def test_who_leaves_while_robots_are_not_stopped_is_asked_once(seat: Seat) -> No
     assert "silent 1 of 3 robots heard so far: r1" in seat.shown()
     session.leave()
     assert not session.leaving
-    assert "STOP is still sent to 1 robot" in session.said
+    assert "STOP is still sent to 1 robot" in session.message
     session.leave()
     assert session.leaving
 
@@ -367,7 +367,7 @@ def test_a_full_disk_stops_commands_but_no_stop(seat: Seat) -> None:
     seat.station.notes.journal = FullDisk()
     session.address("all")
     assert not session.enter("(DRIVE 1)")
-    assert "the disk is full" in session.said
+    assert "the disk is full" in session.message
     session.stop()
     seat.run(1.0)
     assert all(robot.node.stopped for robot in seat.scene.fleet.values())
@@ -390,9 +390,9 @@ def test_why_is_asked_on_the_air(seat: Seat) -> None:
     seat.scene.isolate("r1")
     session.enter(":why r1")
     seat.run(WHY_PATIENCE + 1.0)
-    assert (session.said, session.wrong, session.page) == ("r1 does not answer", True, [])
+    assert (session.message, session.wrong, session.page) == ("r1 does not answer", True, [])
     session.enter(":why r9")
-    assert "no robot" in session.said
+    assert "no robot" in session.message
 
 
 def test_driven_robots_get_heartbeats_unless_told_otherwise(seat: Seat) -> None:
@@ -438,7 +438,7 @@ def test_a_name_that_two_robots_have_is_marked_and_a_command_to_it_is_asked_abou
     session.address("r1")
     before = len(seat.kinds())
     assert not session.enter("(DRIVE 1)"), "the text stays typed"
-    assert "2 robots have the name r1" in session.said
+    assert "2 robots have the name r1" in session.message
     assert len(seat.kinds()) == before
     seat.run(HELD)
     assert session.enter("(DRIVE 1)")

@@ -590,7 +590,7 @@ class MavlinkVehicle(BridgedBody):
         with self._lock:
             if self._motion is not self.failsafe:
                 self._motion = REST
-            self._told, self._speed = None, 0.0
+            self._sent_motion, self._speed = None, 0.0
         self._say_once(why)
 
     def _what_holds(self, back: bool) -> str:

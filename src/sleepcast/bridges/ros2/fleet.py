@@ -72,7 +72,11 @@ class DiscoveredRobot(NamedTuple):
 
 
 class Ros2Fleet:
-    """See the module. path: of the mapping. sim_time: whether time is what /clock says. Raises SettingsError."""
+    """See the module. Raises SettingsError.
+
+    path: of the mapping.
+    sim_time: whether time is what /clock says.
+    """
 
     def __init__(self, network: Ros2Network, path: Path, *, sim_time: bool) -> None:
         self._network, self._path, self._sim_time = network, path, sim_time

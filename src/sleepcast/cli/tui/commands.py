@@ -59,8 +59,11 @@ class Spot:
 
 @dataclass(frozen=True, slots=True)
 class ForecastText:
-    """The forecast of a text before it is sent. sentence: who would obey, or why that is unknown; spot: what is
-    wrong with it."""
+    """The forecast of a text before it is sent.
+
+    sentence: who would obey, or why that is unknown.
+    spot: what is wrong with it.
+    """
 
     sentence: str = ""
     spot: Spot | None = None

@@ -231,9 +231,9 @@ def reports(session: TuiSession, width: int, height: int) -> list[Line]:
 def hint(session: TuiSession, text: str, width: int, height: int, indent: int) -> list[Line]:
     """The forecast of the text that is being typed, or the latest sentence. indent: columns before the text in the
     line above."""
-    if session.said:
+    if session.message:
         style = "class:wrong" if session.wrong else "class:said"
-        lines = [line for each in session.said.split("\n") for line in _folded(printable(each), width)]
+        lines = [line for each in session.message.split("\n") for line in _folded(printable(each), width)]
         return [[(style, line)] for line in lines[:height]]
     forecast = session.forecast(text)
     excerpt: list[Line] = [] if forecast.spot is None else _carets(forecast.spot, width, indent)

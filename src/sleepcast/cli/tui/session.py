@@ -63,7 +63,7 @@ class TuiSession:
     """See the module.
 
     look_every: seconds between two looks, 0 for none but those that are asked for.
-    said: the latest sentence for the person.
+    message: the latest sentence for the person.
     wrong: whether that reports an error.
     page: a text that is read instead of the panes.
     shown: variables that the list of robots shows.
@@ -74,7 +74,7 @@ class TuiSession:
         self.station, self.telemetry = station, telemetry
         self.look_every = look_every
         self.to, self.type = AS_WRITTEN, CommandType.ONCE
-        self.said, self.wrong = "", False
+        self.message, self.wrong = "", False
         self.page: list[str] = []
         self.shown: list[str] = []
         self.by_age = False
@@ -111,14 +111,14 @@ class TuiSession:
         """Go on with what is sent in stages."""
         if self.staging is None:
             return
-        before = self.staging.said
+        before = self.staging.message
         try:
             self.staging.tick()
         except SleepcastError:
             self.staging = None
             raise
-        if self.staging.said != before:
-            self.say(self.staging.said)
+        if self.staging.message != before:
+            self.say(self.staging.message)
         if self.staging.over:
             self.staging = None
 
@@ -239,7 +239,7 @@ class TuiSession:
     def enter(self, text: str) -> bool:
         """What Enter does with a text; gives whether it is dealt with, so that the prompt can be emptied."""
         text, pending = text.strip(), self.pending
-        self.said, self.pending = "", None
+        self.message, self.pending = "", None
         doubted, self._doubted = self._doubted, None
         try:
             if pending is not None:
@@ -308,13 +308,13 @@ class TuiSession:
         if request.type is CommandType.STAGED and not request.to.robot:
             stages = Stages(self.station, prepared, count=request.count, confirmed=request.confirmed)
             self.staging = StagedCommand(self.station, stages)
-            self.say(self.staging.said)
+            self.say(self.staging.message)
         else:
             self.station.commit(prepared, count=request.count, confirmed=request.confirmed)
 
     def stop(self) -> None:
         """Stop every robot, now."""
-        self.pending, self.staging, self._releasing, self.said = None, None, None, ""
+        self.pending, self.staging, self._releasing, self.message = None, None, None, ""
         latch = self.latch
         if latch is not None and latch.kind is Kind.STOP and self.station.now - latch.message.issued < STOP_AGAIN:
             return  # a key that is held down: the one that was just sent is sent again by itself
@@ -346,7 +346,7 @@ class TuiSession:
         pressed, self._pressed = self._pressed, (key, now)
         if pressed[0] == key and pause <= now - pressed[1] <= AGAIN_WITHIN:
             self._pressed = ("", -inf)
-            self.said = ""
+            self.message = ""
             return True
         self.say(sentence)
         return False
@@ -413,7 +413,7 @@ class TuiSession:
             self._asked_why = None
             raise
         if explanation is not None:
-            self._asked_why, self.said = None, ""
+            self._asked_why, self.message = None, ""
             self.page = explanation.render().split("\n")
         elif self.station.listened > asked.message.issued + WHY_PATIENCE:
             self._asked_why = None
@@ -423,16 +423,16 @@ class TuiSession:
 
     def say(self, sentence: str) -> None:
         """Tell the person something."""
-        self.said, self.wrong = sentence, False
+        self.message, self.wrong = sentence, False
 
     def hush(self) -> None:
         """Another text is typed: forget the sentence about the one before."""
         if self.pending is None and self.staging is None:
-            self.said = ""
+            self.message = ""
 
     def complain(self, sentence: str) -> None:
         """Tell the person what went wrong."""
-        self.said, self.wrong = sentence, True
+        self.message, self.wrong = sentence, True
 
     # ---- the list of robots
 
@@ -461,7 +461,11 @@ class HaltedError(SleepcastError):
 
 
 class StagedCommand:
-    """See the module. said: how far it has come, for a person; over: whether all stages went well."""
+    """A command that is sent stage by stage.
+
+    message: how far it has come, for a person.
+    over: whether all stages went well.
+    """
 
     def __init__(self, station: NetworkStation, stages: Stages) -> None:
         self._station, self._stages = station, stages
@@ -472,7 +476,7 @@ class StagedCommand:
         self._number += 1
         self._sent = self._stages.send()
         self._until = self._station.now + self._sent.addressed / ANSWERS_A_SECOND + PATIENCE
-        self.said = f"stage {self._number}: waiting for the answers"
+        self.message = f"stage {self._number}: waiting for the answers"
 
     def tick(self) -> None:
         """Go on if this stage is over. Raises HaltedError if it went wrong."""
@@ -483,7 +487,7 @@ class StagedCommand:
             raise HaltedError(f"halted after stage {self._number}: fault on {name}: {fault}")
         if account.complete and self._stages.over:
             self.over = True
-            self.said = f"all {self._number} stages went well"
+            self.message = f"all {self._number} stages went well"
         elif account.complete:
             self._send()
         elif self._station.listened > self._until:

@@ -229,7 +229,7 @@ def test_golden_rules_may_come_above_all_from_the_air(tmp_path: Path) -> None:
         ),
         ("(RULE a)", "golden.sleep:1: wanted (RULE name expression), not '(RULE a)'"),
         ("\n(RULE a (SETQ x 1))", "golden.sleep:2: "),
-        ("@1s (RULE a 1)", "golden.sleep is a mission script: built-in rules have no times"),
+        ("@1s (RULE a 1)", "golden.sleep is a mission script: locked rules have no times"),
     ],
 )
 def test_what_is_no_golden_rule_is_refused(call: Call, tmp_path: Path, golden: str, said: str) -> None:

@@ -16,7 +16,7 @@ import click
 from sleepcast.api.connection import CHANNEL, AirOptions
 from sleepcast.cli.air import no_store_option, with_keys
 from sleepcast.cli.interrupts import Interrupts
-from sleepcast.cli.options import SEED, QuantityType, each_rules_option, golden_option, restraints, tick_option
+from sleepcast.cli.options import SEED, QuantityType, each_rules_option, locked_option, restraints, tick_option
 from sleepcast.cli.streams import announce, complain, put
 from sleepcast.core.errors import MisuseError, counted
 
@@ -48,7 +48,7 @@ LOOKS = 5.0
     "--channel", metavar="URI", default=CHANNEL, show_default=True, help="The channel on which commands arrive."
 )
 @each_rules_option
-@golden_option
+@locked_option
 @tick_option
 @click.option("--seconds", metavar="TIME", type=QuantityType(), help="End after this time (default: at Ctrl-C).")
 @click.option(
@@ -113,11 +113,11 @@ def ros2(
         from sleepcast.mind.authority import Tells, read_lease
         from sleepcast.simulator import read_limits
 
-        beginning, built_in = (StartScript() if each is None else read_start_script(each) for each in (rules, golden))
-        if beginning.orders or built_in.orders:
+        beginning, locked = (StartScript() if each is None else read_start_script(each) for each in (rules, golden))
+        if beginning.orders or locked.orders:
             raise MisuseError(f"{rules or golden} is a mission script: a fleet begins with expressions, without times")
         minds = MindOptions(
-            built_in,
+            locked,
             beginning,
             store,
             forgetful,

@@ -47,7 +47,7 @@ class NoMindError(SleepcastError):
 class MindOptions:
     """What all minds have in common.
 
-    golden: rules that are built in.
+    locked: rules that nobody changes over the air.
     beginning: what they begin with.
     store: the folder of their stores; None for the one in the user's data.
     forgetful: whether there are no stores.
@@ -57,7 +57,7 @@ class MindOptions:
     tick: s.
     """
 
-    golden: StartScript
+    locked: StartScript
     beginning: StartScript
     store: Path | None
     forgetful: bool
@@ -229,7 +229,7 @@ class FleetProcess:
             tells=options.tells,
             typed=False,
         )
-        node.begin(options.golden, options.beginning, seeks_time=False)
+        node.begin(options.locked, options.beginning, seeks_time=False)
         self._zeroed += (node.node, session)
         if not self._members:
             seek_time(session.delivery, session, self._zeroed, complain)

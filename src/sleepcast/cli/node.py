@@ -11,7 +11,7 @@ import click
 from sleepcast.api.connection import AirOptions, open_store, session_for
 from sleepcast.cli.air import chosen_store, no_store_option, store_option, with_keys
 from sleepcast.cli.interrupts import Interrupts
-from sleepcast.cli.options import SEED, QuantityType, golden_option, restraints, tick_option
+from sleepcast.cli.options import SEED, QuantityType, locked_option, restraints, tick_option
 from sleepcast.cli.streams import complain
 from sleepcast.core.errors import MisuseError
 
@@ -26,7 +26,7 @@ SIMULATED = "sim"
 @click.option(
     "--rules", metavar="FILE", type=click.Path(path_type=Path), help="Expressions to start with, or a mission script."
 )
-@golden_option
+@locked_option
 @click.option(
     "--datagrams", metavar="PORT", type=click.IntRange(0, 65_535), help="Receive plain datagrams of 3 numbers."
 )
@@ -111,9 +111,9 @@ def node(
         from sleepcast.mind.authority import Tells, read_lease
         from sleepcast.simulator import read_limits
 
-        beginning, built_in = (StartScript() if each is None else read_start_script(each) for each in (rules, golden))
-        if built_in.orders:
-            raise MisuseError(f"{golden} is a mission script: built-in rules have no times")
+        beginning, locked = (StartScript() if each is None else read_start_script(each) for each in (rules, golden))
+        if locked.orders:
+            raise MisuseError(f"{golden} is a mission script: locked rules have no times")
         seconds_unattended = read_lease(lease)
         listener = None if datagrams is None else stack.enter_context(Datagrams(host, datagrams))
         store_file = chosen_store(file, forgetful, air.fleet, name, channel is not None)
@@ -148,7 +148,7 @@ def node(
             tells=Tells(tells),
             ground=station,
         )
-        life.begin(built_in, beginning)
+        life.begin(locked, beginning)
         life.go_on(interrupts.check, 0.0 if lockstep else tick, seconds)
     return 0
 

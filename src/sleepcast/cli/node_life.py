@@ -80,9 +80,9 @@ def run_start_script(node: Node, beginning: StartScript) -> None:
             raise StartScriptError(f"{place}: {result.faults[0]}")
 
 
-def install(node: Node, golden: StartScript) -> None:
+def install(node: Node, locked: StartScript) -> None:
     """Give a robot rules that cannot be changed over the air. Raises MisuseError for a malformed or refused one."""
-    for place, text in golden.expressions:
+    for place, text in locked.expressions:
         match read(text):
             case List(items=(Symbol(key="rule"), Symbol() as name, rule, *behind)):
                 rank = rank_of(behind)
@@ -130,15 +130,15 @@ class NodeProcess:
         self.node = Node(name, names, number=number, seed=seed, body=robot, lease=lease, tells=tells, on_air=air)
         self._orders: tuple[Order, ...] = ()
 
-    def begin(self, golden: StartScript, beginning: StartScript, *, seeks_time: bool = True) -> None:
+    def begin(self, locked: StartScript, beginning: StartScript, *, seeks_time: bool = True) -> None:
         """Go on where the process before this one ended, or evaluate what the robot begins with; see
         `run_start_script`.
 
-        golden: rules that are built in, after every start.
+        locked: rules that nobody changes over the air, after every start.
         seeks_time: see `seek_time`.
         """
         self.node.sense(self.robot.sense().values, 0.0)
-        install(self.node, golden)
+        install(self.node, locked)
         if self.listener is not None:
             self.node.evaluate(NOTHING_HEARD)
         self._orders = beginning.orders

@@ -139,8 +139,11 @@ tick_option = click.option(
 each_rules_option = click.option(
     "--rules", metavar="FILE", type=click.Path(path_type=Path), help="Expressions that each robot starts with."
 )
-golden_option = click.option(
-    "--golden", metavar="FILE", type=click.Path(path_type=Path), help="Rules that cannot be changed over the air."
+locked_option = click.option(
+    "--golden",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Locked rules, which cannot be changed over the air.",
 )
 
 

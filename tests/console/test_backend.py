@@ -14,13 +14,12 @@ from sleepcast.console.account_table import MAX_ROWS, AccountTable
 from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver
-from sleepcast.console.explanation import ShownStep
 from sleepcast.console.features.accounts import Outcomes, Replies
 from sleepcast.console.features.failing import Failed
 from sleepcast.console.features.names import GetNames
 from sleepcast.console.features.preview import GetPreview
 from sleepcast.console.features.send import Send
-from sleepcast.console.features.why import Explained, Why
+from sleepcast.console.features.why import Explained, ShownStep, Why
 from sleepcast.console.features.wink import Wink
 from sleepcast.console.outgoing import Failing, Obstacles
 from sleepcast.core.clock import ManualClock

@@ -9,8 +9,8 @@ import pytest
 
 import sleepcast as sc
 from console.asking import put
-from sleepcast.console.adapters.bodies import kind_of, sensing_of
 from sleepcast.console.adapters.recording import load_timeline
+from sleepcast.console.adapters.swarm import kind_of, sensing_of
 from sleepcast.console.features.sense import Sense
 from sleepcast.console.replay import ReplayBackend, ReplayDriver
 from sleepcast.core.clock import ManualClock

@@ -17,16 +17,16 @@ from sleepcast.channel.desks import desk_of
 from sleepcast.channel.simulated_radio import RadioCounts
 from sleepcast.console import outgoing, registry
 from sleepcast.console.account_table import AccountTable, CommandRow
-from sleepcast.console.completion import ShownName, names_of
 from sleepcast.console.driver import Driver
-from sleepcast.console.explanation import show_why
 from sleepcast.console.feature import NOT_HERE_AT_ALL
 from sleepcast.console.features.alerts import AlertBoard
 from sleepcast.console.features.field import Field, Fielded, FieldMaps
 from sleepcast.console.features.mission import STOPPED, MissionNews, MissionPlayer, counted_commands, shown_mission
+from sleepcast.console.features.names import names_of
 from sleepcast.console.features.plots import Plots, ScenarioMeasure
 from sleepcast.console.features.send import Send, SendKind
-from sleepcast.console.features.why import Explained, Why
+from sleepcast.console.features.why import Explained, Why, show_why
+from sleepcast.console.outgoing import ShownName
 from sleepcast.console.past import Past
 from sleepcast.console.sensing import BodyView
 from sleepcast.console.timeline import commands_of

@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from sleepcast.console import outgoing
 from sleepcast.console.backend import Backend
-from sleepcast.console.completion import names_of
 from sleepcast.console.driver import Driver
-from sleepcast.console.explanation import show_why
 from sleepcast.console.features.lease import ChangeLease
-from sleepcast.console.features.why import Explained, Why
+from sleepcast.console.features.names import names_of
+from sleepcast.console.features.why import Explained, Why, show_why
 from sleepcast.console.frames import SILENT
 from sleepcast.console.operators import OperatorsDesk
 from sleepcast.console.view import KeptRule, MindView, SwarmView

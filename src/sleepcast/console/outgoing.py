@@ -10,7 +10,6 @@ from __future__ import annotations
 import msgspec
 
 from sleepcast.console.account_table import CommandRow
-from sleepcast.console.completion import ShownName
 from sleepcast.console.failing import ShownFailing
 from sleepcast.console.marks import Mark
 from sleepcast.console.view import Outline, Scene
@@ -18,6 +17,16 @@ from sleepcast.console.view import Outline, Scene
 
 class DeskMessage(msgspec.Struct, tag_field="type", tag=str.lower):
     """Anything that the desk says to a page."""
+
+
+class ShownName(msgspec.Struct, frozen=True):
+    """A name. usage: how a function is called, "" for everything else. range: least to greatest over the fleet."""
+
+    name: str
+    kind: str
+    doc: str = ""
+    range: str = ""
+    usage: str = ""
 
 
 class Hello(DeskMessage):

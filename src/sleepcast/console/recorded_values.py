@@ -16,7 +16,7 @@ import numpy as np
 from sleepcast.columns.rows import Rows
 from sleepcast.columns.telemetry import Key, KnownSymbols, TelemetryTable
 from sleepcast.columns.values import AskedColumns
-from sleepcast.console.completion import ShownName, names_in
+from sleepcast.console.features.names import names_in
 from sleepcast.console.features.plots import (
     AddPlot,
     GetPlot,
@@ -29,6 +29,7 @@ from sleepcast.console.features.plots import (
     ScenarioMeasure,
 )
 from sleepcast.console.marks import clock_time
+from sleepcast.console.outgoing import ShownName
 from sleepcast.console.past import Past
 from sleepcast.console.replay_client import RerunError
 from sleepcast.console.series import Sample, columns_of

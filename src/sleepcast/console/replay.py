@@ -18,13 +18,13 @@ import msgspec
 import numpy as np
 
 from sleepcast.console import outgoing
-from sleepcast.console.completion import ShownName
 from sleepcast.console.driver import FRAME_PERIOD, FrameSource
 from sleepcast.console.feature import NO_ROBOTS
 from sleepcast.console.features.alerts import AlertBoard
 from sleepcast.console.features.field import Field, Fielded, field_of
 from sleepcast.console.features.plots import ScenarioMeasure
 from sleepcast.console.features.why import Why
+from sleepcast.console.outgoing import ShownName
 from sleepcast.console.past import Past
 from sleepcast.console.past_view import ExactMoment
 from sleepcast.console.recorded_values import RecordedPlots, RecordedValues

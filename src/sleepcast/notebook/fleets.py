@@ -10,8 +10,7 @@ from sleepcast.console.adapters.mission import SwarmMission
 from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver
-from sleepcast.console.explanation import show_why
-from sleepcast.console.features.why import Explained, Why
+from sleepcast.console.features.why import Explained, Why, show_why
 from sleepcast.console.network import NetworkBackend
 from sleepcast.console.view import Scene
 from sleepcast.core.clock import WallClock

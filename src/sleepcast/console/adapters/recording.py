@@ -6,9 +6,8 @@ from dataclasses import replace
 from functools import cache, partial
 
 from sleepcast.console.account_table import CommandRow
-from sleepcast.console.adapters.bodies import kind_of
 from sleepcast.console.adapters.fields import still_picture
-from sleepcast.console.adapters.swarm import existing, outlines, scene_of
+from sleepcast.console.adapters.swarm import existing, kind_of, outlines, scene_of
 from sleepcast.console.failing import Failures, ShownFailing
 from sleepcast.console.outgoing import ShownRule
 from sleepcast.console.timeline import RobotMarks, Timeline, Track, values_of

@@ -23,9 +23,8 @@ from sleepcast.console.backend import Backend
 from sleepcast.console.connection import encode
 from sleepcast.console.differences import first_difference
 from sleepcast.console.driver import Driver
-from sleepcast.console.explanation import show_why
 from sleepcast.console.features.plots import AddPlot
-from sleepcast.console.features.why import Explained, Why
+from sleepcast.console.features.why import Explained, Why, show_why
 from sleepcast.console.marks import clock_time
 from sleepcast.console.page_parts import added_parts
 from sleepcast.console.past import Sampled

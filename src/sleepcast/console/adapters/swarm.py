@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import cos, inf, pi, sin
+from math import atan2, cos, hypot, inf, pi, sin
 from typing import cast
 
 import msgspec
@@ -12,20 +12,21 @@ from numpy.typing import NDArray
 
 from sleepcast.channel.simulated_radio import RadioCounts
 from sleepcast.console import MapLabel, NamedOutline, Outline, Scene
-from sleepcast.console.adapters.bodies import sensing_of
 from sleepcast.console.adapters.fields import FieldPictures, shown_fields
 from sleepcast.console.adapters.obstacles import editor_of
 from sleepcast.console.frames import packed_poses
-from sleepcast.console.sensing import BodyView
+from sleepcast.console.sensing import BodyKind, BodyView
 from sleepcast.console.view import FieldPicture, Picture, PicturePlace, ShownSlider
 from sleepcast.core.model import NamedArea
 from sleepcast.fleet.failing import RECENT, FailingRule, failing_rules
 from sleepcast.language import Vocabulary
 from sleepcast.loop import Swarm
 from sleepcast.loop.swarm import Witness
-from sleepcast.simulator import Area, Circle, MapPicture, Scenario, Shape, Wall
+from sleepcast.simulator import Area, Circle, MapPicture, Scenario, Shape, Simulator, Wall
+from sleepcast.simulator.scenario.robot_settings import RobotSpec
 from sleepcast.simulator.scenario.robot_types import slices
 from sleepcast.simulator.scenario.sliders import Slider
+from sleepcast.simulator.simd.formulas import wrap
 from sleepcast.station import Station
 
 ROUND = 32
@@ -187,3 +188,32 @@ def outlines(shape: Shape) -> tuple[Outline, ...]:
     if isinstance(shape, Wall):
         return ((*shape.points, *shape.points[-2:0:-1]),)
     return shape.outlines if isinstance(shape, Area) else (shape.corners,)
+
+
+# ---- what bodies sense
+
+
+def kind_of(scenario: Scenario, spec: RobotSpec) -> BodyKind:
+    """What bodies of this kind have in this scenario."""
+    senses = (("neighbours", scenario.neighbours), ("pings", scenario.pings))
+    most = hypot(scenario.width, scenario.height)  # a circle that lies around everything tells nothing
+    reaches = tuple((name, sense.reach) for name, sense in senses if sense is not None and sense.reach < most)
+    ring = spec.ring
+    if ring is None:
+        return BodyKind(spec.geometry.radius, spec.wheels is not None, reaches=reaches)
+    return BodyKind(spec.geometry.radius, spec.wheels is not None, ring.count, ring.beam, ring.most, reaches)
+
+
+def sensing_of(simulator: Simulator, robot: int) -> BodyView:
+    """What the body of this robot senses now. Changes nothing that a run depends on."""
+    bodies = simulator.bodies
+    kind = kind_of(simulator.scenario, bodies.part_of(robot).scenario.robots)
+    ranges = bodies.sonar_ranges([robot])[0, : kind.sonars].tolist() if kind.sonars else []
+    x, y, heading = (float(column[robot]) for column in (bodies.x, bodies.y, bodies.heading))
+    columns = (bodies.encoder_x, bodies.encoder_y, bodies.encoder_heading)
+    believed_x, believed_y, believed_heading = (float(column[robot]) for column in columns)
+    touched: tuple[float, ...] = ()
+    if bodies.contact is not None and bodies.bumper[robot] > 0.0:
+        away = atan2(float(bodies.hit_y[robot]), float(bodies.hit_x[robot])) - heading
+        touched = (float(wrap(np.array([away]))[0]),)
+    return kind.sensing((x, y, heading), (believed_x, believed_y, believed_heading), ranges, touched)

@@ -8,7 +8,7 @@ from typing import Annotated, Protocol
 
 from msgspec import Meta
 
-from sleepcast.console.feature import Then, answers
+from sleepcast.console.feature import answers
 from sleepcast.console.incoming import Id, PageMessage, Serial
 from sleepcast.console.outgoing import Answered, Commands, DeskMessage
 
@@ -63,32 +63,23 @@ class AnswerSource(Protocol):
         that there is not."""
 
 
-def _commands_then(source: AccountSource, asked: GetCommands, then: Then) -> Commands:
-    return source.commands(asked.serial, then.time)
-
-
-@answers(then=_commands_then)
+@answers(then=lambda source, asked, then: source.commands(asked.serial, then.time))
 def commands(source: AccountSource, asked: GetCommands) -> Commands:
     """The account of every command."""
     return source.commands(asked.serial)
 
 
-def _outcomes_then(source: AnswerSource, asked: Outcomes, then: Then) -> Answered:
-    return Answered(asked.serial, source.outcomes(asked.command, then.time))
-
-
-@answers(then=_outcomes_then, recording="A recording stores how many robots obeyed a command, not which ones.")
+@answers(
+    then=lambda source, asked, then: Answered(asked.serial, source.outcomes(asked.command, then.time)),
+    recording="A recording stores how many robots obeyed a command, not which ones.",
+)
 def outcomes(source: AnswerSource, asked: Outcomes) -> Answered:
     """What became of a command on each robot."""
     return Answered(asked.serial, source.outcomes(asked.command))
 
 
-def _replies_then(source: AnswerSource, asked: Replies, then: Then) -> Replied:
-    return Replied(asked.serial, source.replies(asked.command, asked.robots, then.time))
-
-
 @answers(
-    then=_replies_then,
+    then=lambda source, asked, then: Replied(asked.serial, source.replies(asked.command, asked.robots, then.time)),
     recording="A recording stores the least, the mean and the greatest answer, not those of each robot.",
 )
 def replies(source: AnswerSource, asked: Replies) -> Replied:

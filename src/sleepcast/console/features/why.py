@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable
+from math import isnan
 from typing import Protocol
 
 import msgspec
 
-from sleepcast.console.explanation import ShownWhy
-from sleepcast.console.feature import Then, answers
+from sleepcast.console.feature import answers
 from sleepcast.console.incoming import Id, Index, PageMessage, Serial
 from sleepcast.console.outgoing import DeskMessage
+from sleepcast.core.units import value_in_words
+from sleepcast.language import Explanation, Step
+from sleepcast.language.functions import BUILT_IN
+
+_TRUTHS = frozenset({"compare", "truth"})
 
 
 class Why(PageMessage):
@@ -21,24 +26,37 @@ class Why(PageMessage):
     command: Id
 
 
+class ShownStep(msgspec.Struct, frozen=True):
+    """One part. state: "true", "false", "unknown" of a truth; "value" of a number; "skipped"; "fault".
+
+    note: on the first test that did not hold, by how much. fault: what went wrong here.
+    """
+
+    text: str
+    value: str
+    state: str
+    note: str = ""
+    fault: str = ""
+    parts: tuple[ShownStep, ...] = ()
+
+
+class ShownWhy(msgspec.Struct, frozen=True):
+    """Why a robot obeyed a command or did not, see `Explanation`. precedence: what a rule's priority means."""
+
+    text: str
+    matched: bool
+    reason: str
+    faults: tuple[str, ...]
+    root: ShownStep
+    held: bool = False
+    precedence: str = ""
+
+
 class Explained(DeskMessage):
     """Why a robot obeyed a command or did not."""
 
     serial: int
     why: ShownWhy
-
-
-class RunAgain(Protocol):
-    """What can be run again up to a tick."""
-
-    def why(self, tick: int, asked: Why) -> Awaitable[msgspec.Raw]: ...
-
-
-class WhySource(Protocol):
-    """Robots that can be asked why. past: of their run."""
-
-    @property
-    def past(self) -> RunAgain: ...
 
 
 class Explainer(Protocol):
@@ -48,11 +66,37 @@ class Explainer(Protocol):
         """The robot's explanation. Raises SleepcastError where it has none."""
 
 
-def _why_then(source: WhySource, asked: Why, then: Then) -> Awaitable[msgspec.Raw]:
-    return source.past.why(then.tick, asked)
-
-
-@answers(then=_why_then)
+@answers(then=lambda source, asked, then: source.past.why(then.tick, asked))
 def why(source: Explainer, asked: Why) -> Explained | Awaitable[Explained | msgspec.Raw]:
     """How a robot evaluated a command."""
     return source.explain(asked)
+
+
+# ---- an explanation for the page: the same tree, with every value as a person reads it and every part's state
+
+
+def show_why(explanation: Explanation) -> ShownWhy:
+    """`explanation` for the page."""
+    about = (explanation.text, explanation.matched, explanation.reason, explanation.faults)
+    return ShownWhy(*about, _show(explanation.root), explanation.held, explanation.precedence)
+
+
+def _show(step: Step) -> ShownStep:
+    state = _state(step)
+    value = "" if state in ("skipped", "true", "false") else value_in_words(step.value, step.unit)
+    parts = tuple(_show(part) for part in step.children if not part.is_literal)
+    return ShownStep(step.text, value, state, step.note, step.fault or "", parts)
+
+
+def _state(step: Step) -> str:
+    if step.fault:
+        return "fault"
+    if step.value is None:
+        return "skipped"
+    if isnan(step.value):
+        return "unknown"
+    head = step.text[1:].split(None, 1)[0].rstrip(")") if step.text.startswith("(") and len(step.text) > 2 else ""
+    function = BUILT_IN.get(head.casefold())
+    if function is not None and function.rule in _TRUTHS:
+        return "true" if step.value else "false"
+    return "value"

@@ -167,14 +167,23 @@ class Reassembly:
 
 
 class Admission:
-    """One party's admission. trust: the keys it trusts; fleet: whose messages it accepts; robot: whether it is a robot,
-    which ignores messages for the operator, or an operator, who ignores what robots tell each other. clock: Unix
-    time, s. rate: signatures of one key that are checked in a second; the limit for STOPs is scaled in proportion.
-    skew: largest accepted clock difference, s. None is the default of either. chance: random source for floods.
+    """One party's admission.
 
-    offsets: measured differences between our clock and those of senders of heartbeats; clocks: those that differ by
-    more than is allowed; conflicts: names that several robots have. drops: dropped datagrams; counts: the same by
-    reason; taken: accepted datagrams; passed: messages.
+    trust: the keys it trusts
+    fleet: whose messages it accepts
+    robot: whether it is a robot, which ignores messages for the operator, or an operator, who ignores what robots tell
+        each other
+    clock: Unix time, s
+    rate: signatures of one key that are checked in a second; the limit for STOPs is scaled in proportion
+    skew: largest accepted clock difference, s; None is the default of this and of `rate`
+    chance: random source for floods
+    offsets: measured differences between our clock and those of senders of heartbeats
+    clocks: those that differ by more than is allowed
+    conflicts: names that several robots have
+    drops: dropped datagrams
+    counts: the same by reason
+    taken: accepted datagrams
+    passed: messages
     """
 
     def __init__(

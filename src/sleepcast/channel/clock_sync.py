@@ -165,9 +165,12 @@ HURRIED_PAUSE = 0.25
 
 
 class TimeRequest:
-    """A robot's request for the time, repeated until it is answered. set_clock: called with the seconds by which our
-    clock is behind, and with the name of the operator who says so. nonce: of the open request; due: time of the next
-    request, s of our clock."""
+    """A robot's request for the time, repeated until it is answered.
+
+    set_clock: called with the seconds by which our clock is behind, and with the name of the operator who says so
+    nonce: of the open request
+    due: time of the next request, s of our clock
+    """
 
     def __init__(self, set_clock: Callable[[float, str], None]) -> None:
         self.set_clock = set_clock

@@ -73,8 +73,10 @@ class EnvelopeError(MessageError):
 class Fragment(NamedTuple):
     """The fields of a part that are readable before its signature is checked.
 
-    standing: whether it belongs to a standing command. issued, deadline: s of Unix time, inf for none; number: of this
-    part, from 0, of `parts`. payload: the signed bytes.
+    standing: whether it belongs to a standing command
+    issued, deadline: s of Unix time, inf for none
+    number: of this part, from 0, of `parts`
+    payload: the signed bytes
     """
 
     key: bytes

@@ -34,8 +34,15 @@ class Contents(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class AnswerColumns:
-    """Answers to the message `command`. Columns: value (NaN for unknown); sort: index of the outcome in `sorts`, uint8;
-    fault: index in `faults` from 1, 0 for none, int32. details: further fields of all their bodies."""
+    """Answers to the message `command`, as columns.
+
+    sorts: the outcomes that there are
+    sort: index of each one's outcome in `sorts`, uint8
+    value: NaN for unknown
+    faults: the faults that there are
+    fault: index in `faults` from 1, 0 for none, int32
+    details: further fields of all their bodies
+    """
 
     command: str
     sorts: tuple[str, ...]
@@ -112,9 +119,14 @@ class Relays:
 class MessageBatch:
     """One message from each of some robots.
 
-    names: of all robots. robots: the senders' indices among them, each once. places: the index of each message's
-    contents in `words`. sequences: numbers of the messages. issued: when each was sent (s of the swarm's clock); lasts:
-    s until its deadline. Columns have the shape (messages,).
+    names: of all robots
+    robots: the senders' indices among them, each once
+    places: the index of each message's contents in `words`
+    sequences: numbers of the messages
+    issued: when each was sent (s of the swarm's clock)
+    lasts: s until its deadline
+
+    Columns have the shape (messages,).
     """
 
     kind: Kind

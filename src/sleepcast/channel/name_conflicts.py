@@ -79,9 +79,14 @@ class Holder:
 
 
 class NameConflicts:
-    """One party's comparison. chance: for the moments of digests; skew: allowed difference of clocks, s. own: names of
-    our robots, with their epochs; empty for a desk, which compares all names. All times are s of Unix time, by our
-    clock unless another is named."""
+    """One party's comparison.
+
+    chance: for the moments of digests
+    skew: allowed difference of clocks, s
+    own: names of our robots, with their epochs; empty for a desk, which compares all names
+
+    All times are s of Unix time, by our clock unless another is named.
+    """
 
     def __init__(self, chance: Random, skew: float) -> None:
         self.own: dict[str, int] = {}

@@ -134,10 +134,12 @@ class Stream:
 
 
 class Sequencer:
-    """The streams of all senders of commands. chance: for the times of requests; skew: largest clock difference, s.
-    lost: called with the id of a key of which a stream is dropped.
+    """The streams of all senders of commands.
 
-    since: when we began to listen, s; earlier commands are not for us, unless they are standing.
+    chance: for the times of requests
+    skew: largest clock difference, s
+    lost: called with the id of a key of which a stream is dropped
+    since: when we began to listen, s; earlier commands are not for us, unless they are standing
     """
 
     def __init__(

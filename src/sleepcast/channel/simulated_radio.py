@@ -490,8 +490,12 @@ class MessageState(msgspec.Struct, tag="message"):
 
 
 class InFlightState(msgspec.Struct):
-    """See `InFlight`. receivers: robots; None for operators. due: of each copy, or one for all. desks: the operators'
-    numbers, None for the first one alone."""
+    """See `InFlight`.
+
+    receivers: robots; None for operators
+    due: of each copy, or one for all
+    desks: the operators' numbers, None for the first one alone
+    """
 
     order: SendOrder
     what: MessageState | MessageBatchState
@@ -501,8 +505,13 @@ class InFlightState(msgspec.Struct):
 
 
 class RadioState(msgspec.Struct):
-    """See `Radio`. heard: messages delivered to robots, and which robots. repeats: how often each party has sent which
-    message at the time `repeats_at`. free: see `TransmitQueue`. for_others: as for_operator, of each further one."""
+    """See `Radio`.
+
+    heard: messages delivered to robots, and which robots
+    repeats: how often each party has sent which message at the time `repeats_at`
+    free: see `TransmitQueue`
+    for_others: as for_operator, of each further one
+    """
 
     counts: dict[str, int]
     waiting: list[InFlightState]

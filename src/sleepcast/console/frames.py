@@ -56,8 +56,13 @@ def pack(
     marks: tuple[bytes, bytes],
     columns: tuple[bytes, bytes, bytes] = (b"", b"", b""),
 ) -> bytes:
-    """A frame. speeds: wanted, reached. state: its bits in turn. marks: group and flags of each robot. columns: pings,
-    second groups, colours; each empty where there is none."""
+    """A frame.
+
+    speeds: wanted, reached
+    state: its bits in turn
+    marks: group and flags of each robot
+    columns: pings, second groups, colours; each empty where there is none
+    """
     bits = sum(bit << place for place, bit in enumerate(state))
     follow = sum(bool(column) << place for place, column in enumerate(columns))
     header = _HEADER.pack(VERSION, bits, follow, len(marks[0]), number, tick & 0xFFFFFFFF, time, *speeds)

@@ -218,9 +218,12 @@ class ShownReport(msgspec.Struct, frozen=True):
 
 
 class WatchedRobot(DeskMessage, tag="robot"):
-    """News of the watched robot. groups: the names of all of them. state: stopped, frozen and the like, in words.
+    """News of the watched robot.
 
-    said: its latest reports, the youngest first. told: what programs told it lately, where it is a Nomad.
+    groups: the names of all of them
+    state: stopped, frozen and the like, in words
+    said: its latest reports, the youngest first
+    told: what programs told it lately, where it is a Nomad
     """
 
     robot: int

@@ -51,7 +51,12 @@ class MediumError(SleepcastError):
 
 @dataclass(frozen=True, slots=True)
 class MemoryAddress:
-    """A `memory:` address. loss, duplicate, reorder: probabilities, 0..1; delay, jitter: s; at, reach: m."""
+    """A `memory:` address.
+
+    loss, duplicate, reorder: probabilities, 0..1
+    delay, jitter: s
+    at, reach: m
+    """
 
     name: str
     loss: float
@@ -91,10 +96,13 @@ def _place(uri: str, written: str) -> tuple[float, float]:
 
 
 class MemoryTransport:
-    """One party of the medium at `uri`. clock: s, for its delays.
+    """One party of the medium at `uri`.
 
-    lost: datagrams for which it had no room. at: where it is (m); it may move. Raises AddressError for the address,
-    MediumError where too many have joined.
+    clock: s, for its delays
+    lost: datagrams for which it had no room
+    at: where it is (m); it may move
+
+    Raises AddressError for the address, MediumError where too many have joined.
     """
 
     _media: ClassVar[dict[str, list[MemoryTransport]]] = {}

@@ -51,8 +51,12 @@ class ZenohError(SleepcastError):
 
 @dataclass(frozen=True, slots=True)
 class ZenohAddress:
-    """A `zenoh://` address. place, connect: `HOST:PORT` of the router, and of one that it links to ("" for none); key:
-    the key of all messages; listen: whether we are the router."""
+    """A `zenoh://` address.
+
+    place, connect: `HOST:PORT` of the router, and of one that it links to ("" for none)
+    key: the key of all messages
+    listen: whether we are the router
+    """
 
     place: str
     key: str

@@ -149,9 +149,12 @@ class FleetMinds:
 
 
 class FleetAdapter:
-    """Robots on the air as the page wants to see them (its `FleetOnAir`). ground: what is drawn under them, with no
-    names and no sizes of its own. every: s between two questions to all of them, at least. began: when the page's time
-    began, s of the station's clock."""
+    """Robots on the air as the page wants to see them (its `FleetOnAir`).
+
+    ground: what is drawn under them, with no names and no sizes of its own
+    every: s between two questions to all of them, at least
+    began: when the page's time began, s of the station's clock
+    """
 
     def __init__(
         self,

@@ -80,8 +80,12 @@ class Fired(PageMessage):
 
 
 class ShownAlert(msgspec.Struct, frozen=True):
-    """An alert. count: for how many robots it is true now, -1 while that is unknown. fired: how often. trouble: why it
-    cannot be looked at, "" if it can."""
+    """An alert.
+
+    count: for how many robots it is true now, -1 while that is unknown
+    fired: how often
+    trouble: why it cannot be looked at, "" if it can
+    """
 
     alert: int
     text: str
@@ -93,8 +97,12 @@ class ShownAlert(msgspec.Struct, frozen=True):
 
 
 class ShownFiring(msgspec.Struct, frozen=True):
-    """An alert has become true. at: s of the page's time. count: robots for which it then was. robots: those that are
-    new, as people name them."""
+    """An alert has become true.
+
+    at: s of the page's time
+    count: robots for which it then was
+    robots: those that are new, as people name them
+    """
 
     firing: int
     alert: int
@@ -120,8 +128,12 @@ class Alerted(DeskMessage):
 
 @dataclass(eq=False)
 class Alert:
-    """One alert. true: for whom, None before the first look. waiting: robots that are to be told. due, told: when it is
-    looked at, and was told, s of the desk's clock."""
+    """One alert.
+
+    true: for whom, None before the first look
+    waiting: robots that are to be told
+    due, told: when it is looked at, and was told, s of the desk's clock
+    """
 
     number: int
     text: str

@@ -147,8 +147,12 @@ def counted_commands(player: MissionPlayer) -> set[str]:
 def shown_mission(
     player: MissionPlayer, rows: Mapping[str, CommandRow], time: float = inf, began: float = 0.0
 ) -> MissionNews:
-    """The mission as a page shows it. rows: the accounts of commands, by id. time: of what was sent, only what was sent
-    by then, s of the page's time. began: when that began, s of the desk's clock."""
+    """The mission as a page shows it.
+
+    rows: the accounts of commands, by id
+    time: of what was sent, only what was sent by then, s of the page's time
+    began: when that began, s of the desk's clock
+    """
     sent = {number: each for number, each in player.sent().items() if each.issued - began <= time}
     lines = []
     for number, order in enumerate(player.orders):

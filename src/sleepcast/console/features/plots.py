@@ -64,8 +64,13 @@ class GetPlot(PageMessage, tag="plotted"):
 
 
 class ShownPlot(msgspec.Struct, frozen=True):
-    """A plot. lines: names of what is drawn over x. units: of x and y. told: what a person should know of it. problem:
-    why it shows nothing."""
+    """A plot.
+
+    lines: names of what is drawn over x
+    units: of x and y
+    told: what a person should know of it
+    problem: why it shows nothing
+    """
 
     number: int
     kind: str

@@ -39,8 +39,12 @@ class GetSetup(PageMessage, tag="setup"):
 
 
 class Renew(PageMessage):
-    """Start another run. scenario: "" for the run on the page as it was at its start; the rest is left out then. seed,
-    robots: None for the scenario's own. values: by the names of sliders, each in the slider's unit."""
+    """Start another run.
+
+    scenario: "" for the run on the page as it was at its start; the rest is left out then
+    seed, robots: None for the scenario's own
+    values: by the names of sliders, each in the slider's unit
+    """
 
     serial: Serial
     scenario: ScenarioName = ""

@@ -65,8 +65,12 @@ HeldCounts = Annotated[list[HeldCount], Meta(max_length=6)]
 
 
 class SaveTest(PageMessage):
-    """Make the files of a test. tick: at which it was drafted. held: by the ids of commands. exact: the whole state
-    shall be the same at the end."""
+    """Make the files of a test.
+
+    tick: at which it was drafted
+    held: by the ids of commands
+    exact: the whole state shall be the same at the end
+    """
 
     serial: Serial
     tick: Annotated[int, Meta(ge=0, le=2**53 - 1)]

@@ -35,8 +35,13 @@ class GetSpread(PageMessage, tag="spread"):
 
 
 class Spread(DeskMessage):
-    """How a quantity is spread, in the unit of the number it is compared with. low, high: the ends of the columns;
-    every, deciding: robots in each. whole: whether it has whole values only. unknown: robots that do not know it."""
+    """How a quantity is spread, in the unit of the number it is compared with.
+
+    low, high: the ends of the columns
+    every, deciding: robots in each
+    whole: whether it has whole values only
+    unknown: robots that do not know it
+    """
 
     serial: int
     quantity: str

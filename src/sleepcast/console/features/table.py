@@ -40,10 +40,13 @@ ASK = "Only the robots themselves could tell this: ask them in the prompt."
 
 
 class GetRows(PageMessage, tag="rows"):
-    """Rows of the table of robots, `count` from place `first` on. columns: expressions, none for those that the desk
-    suggests. sort: the column by which it is sorted, -1 for the robots' own order, -2 for their groups. where: a test
-    that the robots pass, "" for all of them. again: sort anew; else the order stays that of the last rows, if nothing
-    else is asked for."""
+    """Rows of the table of robots, `count` from place `first` on.
+
+    columns: expressions, none for those that the desk suggests
+    sort: the column by which it is sorted, -1 for the robots' own order, -2 for their groups
+    where: a test that the robots pass, "" for all of them
+    again: sort anew; else the order stays that of the last rows, if nothing else is asked for
+    """
 
     serial: Serial
     columns: Annotated[list[Expression], Meta(max_length=MAX_COLUMNS)]
@@ -89,8 +92,12 @@ class ShownRow(msgspec.Struct, frozen=True, array_like=True):
 
 
 class TableRows(DeskMessage, tag="rows"):
-    """Rows of the table from place `first` on. total: rows that pass the test. problem: what is wrong with the test.
-    source: where the values come from, in words; "" for telemetry."""
+    """Rows of the table from place `first` on.
+
+    total: rows that pass the test
+    problem: what is wrong with the test
+    source: where the values come from, in words; "" for telemetry
+    """
 
     serial: int
     columns: list[ShownColumn]

@@ -27,9 +27,11 @@ class Why(PageMessage):
 
 
 class ShownStep(msgspec.Struct, frozen=True):
-    """One part. state: "true", "false", "unknown" of a truth; "value" of a number; "skipped"; "fault".
+    """One part.
 
-    note: on the first test that did not hold, by how much. fault: what went wrong here.
+    state: "true", "false", "unknown" of a truth; "value" of a number; "skipped"; "fault"
+    note: on the first test that did not hold, by how much
+    fault: what went wrong here
     """
 
     text: str

@@ -36,8 +36,8 @@ class Contents(Protocol):
 class AnswerColumns:
     """Answers to the message `command`, as columns.
 
-    sorts: the outcomes that there are
-    sort: index of each one's outcome in `sorts`, uint8
+    outcomes: those that there are
+    outcome: index of each one's in `outcomes`, uint8
     value: NaN for unknown
     faults: the faults that there are
     fault: index in `faults` from 1, 0 for none, int32
@@ -45,8 +45,8 @@ class AnswerColumns:
     """
 
     command: str
-    sorts: tuple[str, ...]
-    sort: NDArray[np.uint8]
+    outcomes: tuple[str, ...]
+    outcome: NDArray[np.uint8]
     value: Column
     faults: tuple[str, ...]
     fault: NDArray[np.int32]
@@ -57,7 +57,7 @@ class AnswerColumns:
         cls,
         command: str,
         size: int,
-        sort: str,
+        outcome: str,
         value: float = np.nan,
         fault: str = "",
         details: Mapping[str, object] | None = None,
@@ -65,7 +65,7 @@ class AnswerColumns:
         """The same answer `size` times."""
         return cls(
             command,
-            (sort,),
+            (outcome,),
             np.broadcast_to(np.uint8(0), size),
             np.broadcast_to(np.float64(value), size),
             (fault,) if fault else (),
@@ -78,8 +78,11 @@ class AnswerColumns:
 
     def body(self, place: int) -> Body:
         fault = int(self.fault[place])
-        said = self.faults[fault - 1] if fault else ""
-        return answer_body(self.command, self.sorts[self.sort[place]], float(self.value[place]), said) | self.details
+        reason = self.faults[fault - 1] if fault else ""
+        return (
+            answer_body(self.command, self.outcomes[self.outcome[place]], float(self.value[place]), reason)
+            | self.details
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,8 +249,8 @@ def ascending(listed: Array, count: int) -> NDArray[np.intp]:
 
 def _dump_contents(words: Contents, places: NDArray[np.intp]) -> AnswersState | ReportsState | RelaysState:
     if isinstance(words, AnswerColumns):
-        sort, value, fault = (Array.of(column[places]) for column in (words.sort, words.value, words.fault))
-        return AnswersState(words.command, words.sorts, sort, value, words.faults, fault, words.details)
+        outcome, value, fault = (Array.of(column[places]) for column in (words.outcome, words.value, words.fault))
+        return AnswersState(words.command, words.outcomes, outcome, value, words.faults, fault, words.details)
     if isinstance(words, Reports):
         return ReportsState(words.label, tuple(Array.of(column[places]) for column in words.values), words.rule)
     if isinstance(words, Relays):
@@ -261,11 +264,11 @@ def _load_contents(state: AnswersState | ReportsState | RelaysState, shape: tupl
     if isinstance(state, ReportsState):
         values = tuple(column.made(np.float64, shape, "reported") for column in state.values)
         return Reports(state.label, values, state.rule)
-    sort, fault = state.sort.made(np.uint8, shape, "outcomes"), state.fault.made(np.int32, shape, "faults")
-    within(sort, 0, len(state.sorts) - 1, "outcomes")
+    outcome, fault = state.sort.made(np.uint8, shape, "outcomes"), state.fault.made(np.int32, shape, "faults")
+    within(outcome, 0, len(state.sorts) - 1, "outcomes")
     within(fault, 0, len(state.faults), "faults")
     value = state.value.made(np.float64, shape, "answers")
-    return AnswerColumns(state.command, state.sorts, sort, value, state.faults, fault, state.details)
+    return AnswerColumns(state.command, state.sorts, outcome, value, state.faults, fault, state.details)
 
 
 # ---- the names of many parties by place, and their places by name

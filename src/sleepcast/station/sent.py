@@ -116,14 +116,14 @@ class Answers(Mapping[str, Answer]):
 
     def take(self, robots: Index, places: Index, said: Said, now: float) -> None:
         """The answers of many robots, each at its place in `said`; malformed ones are left out."""
-        sort = said.sort[places]
-        codes = np.array([_code(SAID.get(word)) for word in said.sorts], np.uint8)[sort]
+        sort = said.outcome[places]
+        codes = np.array([_code(SAID.get(word)) for word in said.outcomes], np.uint8)[sort]
         faults = (*said.faults, LATE)
         fault = said.fault[places]
-        if "late" in said.sorts:
-            fault = np.where(sort == said.sorts.index("late"), np.int32(len(faults)), fault)
-        if ANSWER in said.sorts:
-            codes[(sort == said.sorts.index(ANSWER)) & (fault > 0)] = FAULT
+        if "late" in said.outcomes:
+            fault = np.where(sort == said.outcomes.index("late"), np.int32(len(faults)), fault)
+        if ANSWER in said.outcomes:
+            codes[(sort == said.outcomes.index(ANSWER)) & (fault > 0)] = FAULT
         self._take(robots, codes, said.value[places], faults, fault, now)
 
     def _take(

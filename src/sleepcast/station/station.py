@@ -561,8 +561,8 @@ class Station:
                     command.answers.take(batch.robots, batch.places, said, now)
                     if command is self._sent.latch:
                         self._take_rests(batch.robots)
-                counts = np.bincount(said.sort[batch.places], minlength=len(said.sorts)).tolist()
-                found = {word: count for word, count in zip(said.sorts, counts, strict=True) if count}
+                counts = np.bincount(said.outcome[batch.places], minlength=len(said.outcomes)).tolist()
+                found = {word: count for word, count in zip(said.outcomes, counts, strict=True) if count}
                 details = {"kind": batch.kind.value, "robots": len(batch), "outcomes": found}
                 self._note(JournalEvent.HEARD, MANY, subject=said.command, details=details)
         if isinstance(said, AnswerColumns) and self.listeners:

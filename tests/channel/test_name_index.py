@@ -12,7 +12,7 @@ def test_numbered_names_are_made_when_they_are_asked_for() -> None:
     assert len(names) == 1_000_000
     assert (names[0], names[-1]) == ("scout1", "scout1000000")
     assert names[8:11] == ("scout9", "scout10", "scout11")
-    assert (names.place("scout1"), names.place("scout1000000")) == (0, 999_999)
+    assert (names.index_of("scout1"), names.index_of("scout1000000")) == (0, 999_999)
 
 
 @pytest.mark.parametrize(
@@ -20,7 +20,7 @@ def test_numbered_names_are_made_when_they_are_asked_for() -> None:
 )
 def test_what_is_no_name_has_no_place(name: str) -> None:
     names = NameIndex(prefix="scout", count=1_000_000)
-    assert names.place(name) is None
+    assert names.index_of(name) is None
     assert name not in names
 
 
@@ -36,7 +36,7 @@ def test_names_that_are_added_come_after_the_numbered_ones_and_are_kept_once() -
 
 def test_a_number_alone_is_a_name_as_well() -> None:
     names = NameIndex(prefix="", count=12)
-    assert (names[11], names.place("12"), names.place("13")) == ("12", 11, None)
+    assert (names[11], names.index_of("12"), names.index_of("13")) == ("12", 11, None)
 
 
 def test_there_is_nothing_beyond_the_last() -> None:

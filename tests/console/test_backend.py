@@ -455,7 +455,7 @@ class TestWatchedRobot:
         assert not {"active1", "time", "tick"} & set(values)
         (rule,) = robot.rules
         assert (rule.name, rule.active, rule.fault, rule.priority) == ("careful", True, "", 2)
-        assert robot.said[0].text.startswith("level: 0.")
+        assert robot.reports[0].text.startswith("level: 0.")
 
     def test_nobody_is_watched_unless_asked_for(self, stand: Stand) -> None:
         for index in (-1, 20):

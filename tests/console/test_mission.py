@@ -117,7 +117,7 @@ def test_a_stop_by_hand_ends_it_and_the_rest_waits(tmp_path: Path) -> None:
     stand.station.stop()  # by a program, say
     stand.run(3)
     assert (stand.sent[1:], stand.mission.playing) == (["STOP"], False)
-    assert "STOP ended it" in stand.mission.said
+    assert "STOP ended it" in stand.mission.message
     stand.station.release()
     stand.run(0.2)
     stand.mission.play()
@@ -130,7 +130,7 @@ def test_what_is_doubted_waits_for_somebody(tmp_path: Path) -> None:
     stand.mission.play()
     stand.run(3)
     assert (len(stand.sent), stand.held, stand.mission.problem, stand.mission.doubt) == (1, 1, 1, True)
-    assert "no robot has batery" in stand.mission.said
+    assert "no robot has batery" in stand.mission.message
     with pytest.raises(DoubtError):
         stand.mission.send(1, confirmed=False, again=False)
     stand.mission.send(1, confirmed=True, again=False)
@@ -151,7 +151,7 @@ def test_a_stop_while_it_waits_for_somebody_ends_it_too(tmp_path: Path) -> None:
     stand.mission.skip(1)
     stand.run(1)
     assert (len(stand.sent), stand.mission.playing, bool(stand.swarm.fleet.stopped.all())) == (2, False, True)
-    assert "STOP ended it" in stand.mission.said
+    assert "STOP ended it" in stand.mission.message
 
 
 def test_a_stop_ends_what_a_snapshot_brings_along(tmp_path: Path) -> None:
@@ -161,7 +161,7 @@ def test_a_stop_ends_what_a_snapshot_brings_along(tmp_path: Path) -> None:
     other.station.stop()
     other.run(2)
     assert (other.mission.playing, bool(other.swarm.fleet.stopped.all())) == (False, True)
-    assert "STOP ended it" in other.mission.said
+    assert "STOP ended it" in other.mission.message
 
 
 def test_it_is_not_played_under_a_stop_before_its_own(tmp_path: Path) -> None:
@@ -212,7 +212,7 @@ def test_what_a_snapshot_brings_along_waits_for_somebody_too(tmp_path: Path) -> 
     other.swarm.mission[0] = replace(scenario.mission[1], text="(SETQ x 1)")  # what no robot can run
     other.run(2)
     assert (len(other.sent), other.held, other.mission.playing) == (1, 1, False)
-    assert "x" in other.mission.said
+    assert "x" in other.mission.message
 
 
 def test_what_was_left_out_may_be_sent_after_all_and_what_was_sent_is_not_left_out(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import msgspec
 import pytest
 from playwright.sync_api import BrowserContext, expect
 
@@ -18,14 +19,18 @@ from console.running import PATIENCE, Page, Program, open_page
 from sleepcast.api.assembly import assemble
 from sleepcast.cli.page_runs import Beginning, PageRuns, run_file
 from sleepcast.console import registry
+from sleepcast.console.adapters.replay_worker import ReplayWorker
 from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
+from sleepcast.console.connection import encode
 from sleepcast.console.driver import Driver
 from sleepcast.console.features.alerts import LOOK_EVERY
+from sleepcast.console.features.preview import GetPreview
 from sleepcast.console.features.renewal import GetSetup, Renew, Renewed, SetUp
 from sleepcast.console.features.send import Send
 from sleepcast.console.outgoing import Refused
 from sleepcast.console.renewal import Note, RunRequest, RunSwitcher, ShownRun
+from sleepcast.console.replay_client import Question
 from sleepcast.console.swarm_dialogue import SwarmDialogue
 from sleepcast.core.clock import WallClock
 from sleepcast.core.errors import MisuseError, SleepcastError
@@ -230,6 +235,16 @@ class TestSeveralOperators:
             assert anna.accounting(early).n_matched == 5
             assert [(row.id, row.by) for row in forked.past.timeline.rows.values][-1] == (early, "anna")
             assert anna.send("(WHEN (> id 6) (MARK))").message.sequence > int(late.partition(".")[2])
+
+    def test_a_moment_of_the_past_has_their_desks(self, tmp_path: Path) -> None:
+        maker = maker_of(tmp_path, SMALL + OPERATORS)
+        with runs_of(maker) as runs:
+            assert maker.swarm is not None
+            maker.swarm.run(2.0)
+            assert runs.desk.past is not None
+            asked = encode(GetPreview(1, "(WHEN (< id 6) (MARK))", by="anna"))
+            answer = ReplayWorker(lambda: False).answer(Question("answer", runs.desk.past.moment(15), message=asked))
+            assert (answer.error, msgspec.json.decode(answer.message or b"{}").get("yes")) == ("", 5)
 
     def test_a_stop_of_any_of_them_must_be_confirmed_first(self, tmp_path: Path) -> None:
         maker = maker_of(tmp_path, SMALL + OPERATORS)

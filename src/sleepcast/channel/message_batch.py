@@ -27,9 +27,9 @@ Body = dict[str, object]
 class Contents(Protocol):
     """The contents of a batch's messages, by index."""
 
-    def text(self, place: int) -> str: ...
+    def text(self, index: int) -> str: ...
 
-    def body(self, place: int) -> Body: ...
+    def body(self, index: int) -> Body: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,14 +73,14 @@ class AnswerColumns:
             dict(details or {}),
         )
 
-    def text(self, place: int) -> str:
+    def text(self, index: int) -> str:
         return ""
 
-    def body(self, place: int) -> Body:
-        fault = int(self.fault[place])
+    def body(self, index: int) -> Body:
+        fault = int(self.fault[index])
         reason = self.faults[fault - 1] if fault else ""
         return (
-            answer_body(self.command, self.outcomes[self.outcome[place]], float(self.value[place]), reason)
+            answer_body(self.command, self.outcomes[self.outcome[index]], float(self.value[index]), reason)
             | self.details
         )
 
@@ -93,11 +93,11 @@ class Reports:
     values: tuple[Column, ...]
     rule: str = ""
 
-    def text(self, place: int) -> str:
+    def text(self, index: int) -> str:
         return ""
 
-    def body(self, place: int) -> Body:
-        values = [float(column[place]) for column in self.values]
+    def body(self, index: int) -> Body:
+        values = [float(column[index]) for column in self.values]
         body: Body = {"label": self.label, "values": [None if value != value else value for value in values]}
         return body | {RULE: self.rule} if self.rule else body
 
@@ -111,10 +111,10 @@ class Relays:
     hops: int
     driver: str = ""
 
-    def text(self, place: int) -> str:
+    def text(self, index: int) -> str:
         return self.said
 
-    def body(self, place: int) -> Body:
+    def body(self, index: int) -> Body:
         return {HOPS: self.hops, DRIVER: self.driver} if self.driver else {HOPS: self.hops}
 
 
@@ -152,7 +152,7 @@ class MessageBatch:
 
     def message(self, at: int) -> Message:
         """The message with this index."""
-        issued, place = float(self.issued[at]), int(self.places[at])
+        issued, index = float(self.issued[at]), int(self.places[at])
         return Message(
             self.names[self.robots[at]],
             self.epoch,
@@ -160,9 +160,9 @@ class MessageBatch:
             self.kind,
             issued,
             issued + self.lasts,
-            self.words.text(place),
+            self.words.text(index),
             False,
-            self.words.body(place),
+            self.words.body(index),
         )
 
     def messages(self) -> Iterator[Message]:
@@ -271,7 +271,7 @@ def _load_contents(state: AnswersState | ReportsState | RelaysState, shape: tupl
     return AnswerColumns(state.command, state.sorts, outcome, value, state.faults, fault, state.details)
 
 
-# ---- the names of many parties by place, and their places by name
+# ---- the names of many parties by index, and their indices by name
 
 
 class NameIndex(Sequence[str]):
@@ -280,28 +280,28 @@ class NameIndex(Sequence[str]):
     def __init__(self, listed: Iterable[str] = (), *, prefix: str = "", count: int = 0) -> None:
         self._prefix, self._count = prefix, count
         self._listed: list[str] = []
-        self._places: dict[str, int] = {}
+        self._indices: dict[str, int] = {}
         for name in listed:
             self.add(name)
 
     def add(self, name: str) -> int:
-        """The place of a name; a new name gets the next one."""
-        place = self.place(name)
-        if place is None:
-            place = self._places[name] = len(self)
+        """The index of a name; a new name gets the next one."""
+        index = self.index_of(name)
+        if index is None:
+            index = self._indices[name] = len(self)
             self._listed.append(name)
-        return place
+        return index
 
-    def place(self, name: str) -> int | None:
-        """The place of a name; None if it is not in the index."""
+    def index_of(self, name: str) -> int | None:
+        """The index of a name; None if it is not here."""
         if not self._count:
-            return self._places.get(name)
+            return self._indices.get(name)
         digits = name.removeprefix(self._prefix)
         if name.startswith(self._prefix) and digits.isascii() and digits.isdigit() and digits[0] != "0":
             number = int(digits) if len(digits) <= len(str(self._count)) else 0
             if 0 < number <= self._count:
                 return number - 1
-        return self._places.get(name)
+        return self._indices.get(name)
 
     def copy(self) -> NameIndex:
         """A copy, to which other names may be added."""
@@ -311,22 +311,22 @@ class NameIndex(Sequence[str]):
         return self._count + len(self._listed)
 
     @overload
-    def __getitem__(self, place: int) -> str: ...
+    def __getitem__(self, index: int) -> str: ...
 
     @overload
-    def __getitem__(self, place: slice) -> tuple[str, ...]: ...
+    def __getitem__(self, index: slice) -> tuple[str, ...]: ...
 
-    def __getitem__(self, place: int | slice) -> str | tuple[str, ...]:
-        if isinstance(place, slice):
-            return tuple(self[i] for i in range(*place.indices(len(self))))
-        if place < 0:
-            place += len(self)
-        if not 0 <= place < len(self):
-            raise IndexError(place)
-        return f"{self._prefix}{place + 1}" if place < self._count else self._listed[place - self._count]
+    def __getitem__(self, index: int | slice) -> str | tuple[str, ...]:
+        if isinstance(index, slice):
+            return tuple(self[i] for i in range(*index.indices(len(self))))
+        if index < 0:
+            index += len(self)
+        if not 0 <= index < len(self):
+            raise IndexError(index)
+        return f"{self._prefix}{index + 1}" if index < self._count else self._listed[index - self._count]
 
     def __contains__(self, name: object) -> bool:
-        return isinstance(name, str) and self.place(name) is not None
+        return isinstance(name, str) and self.index_of(name) is not None
 
 
 _NUMBERS = re.compile(r"(\d+)")

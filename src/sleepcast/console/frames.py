@@ -17,7 +17,7 @@ Everything is little endian. A frame of n robots has 32 + 14 n bytes, and n more
     28       f32         speed that was reached in the last second or so
     32       f32 x 3n    x (m), y (m), heading (rad, counter-clockwise from x) of each robot in turn; heading NaN: it
                          has no known position and stands aside
-    32+12n   u8 x n      group: 0 for none, else the place of its newest group in the list of groups, from 1
+    32+12n   u8 x n      group: 0 for none, else the index of its newest group in the list of groups, from 1
     32+13n   u8 x n      flags: bit 0 stopped, 1 frozen, 2 sleeping, 3 marked and showing it,
                          4 silent: its telemetry is stale, 5 it has used up what it drives with
     ...      u8 x n      pings: 0 for who has not pinged since the frame before, else the caste + 1
@@ -63,8 +63,8 @@ def pack(
     marks: group and flags of each robot
     columns: pings, second groups, colours; each empty where there is none
     """
-    bits = sum(bit << place for place, bit in enumerate(state))
-    follow = sum(bool(column) << place for place, column in enumerate(columns))
+    bits = sum(bit << index for index, bit in enumerate(state))
+    follow = sum(bool(column) << index for index, column in enumerate(columns))
     header = _HEADER.pack(VERSION, bits, follow, len(marks[0]), number, tick & 0xFFFFFFFF, time, *speeds)
     return b"".join((header, poses, *marks, *columns))
 

@@ -222,7 +222,7 @@ class WatchedRobot(DeskMessage, tag="robot"):
 
     groups: the names of all of them
     state: stopped, frozen and the like, in words
-    said: its latest reports, the youngest first
+    reports: its latest, the youngest first
     told: what programs told it lately, where it is a Nomad
     """
 
@@ -231,5 +231,5 @@ class WatchedRobot(DeskMessage, tag="robot"):
     state: list[str]
     values: list[ShownValue]
     rules: list[ShownRule]
-    said: list[ShownReport]
+    reports: list[ShownReport] = msgspec.field(name="said")
     told: list[ShownReport] = []

@@ -54,24 +54,24 @@ class PageSession:
         if isinstance(message, Drawn):
             self._drawn.set()
             return
-        said = self._dialogue.answer(message)
-        if isinstance(said, Awaitable):
+        answer = self._dialogue.answer(message)
+        if isinstance(answer, Awaitable):
             if len(self._waiting) >= self._dialogue.max_waiting:
                 self._waiting.pop().cancel()  # a page that asks this much reads only the last answers
-            waiting = asyncio.ensure_future(self._reply_later(getattr(message, "serial", None), said))
+            waiting = asyncio.ensure_future(self._reply_later(getattr(message, "serial", None), answer))
             self._waiting.add(waiting)
             waiting.add_done_callback(self._waiting.discard)
-        elif said is not None:
-            await self._line.say(said)
+        elif answer is not None:
+            await self._line.say(answer)
 
     async def _reply_later(self, serial: int | None, answer: Awaitable[Answer]) -> None:
         """Answer later what waits for a robot, without delaying anything else."""
         try:
-            said = await answer
+            message = await answer
         except SleepcastError as error:
-            said = refusal(error, serial)
-        if said is not None:
-            await self._line.say(said)
+            message = refusal(error, serial)
+        if message is not None:
+            await self._line.say(message)
 
     # ---- what goes out
 
@@ -85,8 +85,8 @@ class PageSession:
             known, number = source.changed <= number, source.number
             self._drawn.clear()
             await self._line.send(still(frame) if known else frame)
-            for said in self._dialogue.with_frame():
-                await self._line.send(said)
+            for data in self._dialogue.with_frame():
+                await self._line.send(data)
             await self._drawn.wait()
 
     async def _next_frame(self, source: FrameSource, number: int) -> bytes:
@@ -103,6 +103,6 @@ class PageSession:
 
     async def _send_news(self) -> None:
         while True:
-            for said in self._dialogue.news():
-                await self._line.send(said)
+            for data in self._dialogue.news():
+                await self._line.send(data)
             await asyncio.sleep(NEWS_PERIOD)

@@ -257,7 +257,7 @@ def _robot(timeline: Timeline, time: float, index: int, exact: ReplayAnswer | No
     if exact is not None and exact.message:
         robot = msgspec.json.decode(exact.message, type=outgoing.WatchedRobot)
         if robot.robot == index:
-            return msgspec.structs.replace(robot, said=lines or robot.said)
+            return msgspec.structs.replace(robot, reports=lines or robot.reports)
     codes = [each[index] for each in (marks.second, marks.groups) if each]
     states = [word for bit, word in enumerate(STATES) if marks.flags[index] & 1 << bit]
     return outgoing.WatchedRobot(

@@ -71,8 +71,8 @@ class TelemetryValues:
 
     def of(self, text: str, robots: Index | None = None) -> tuple[Column, int]:
         count = len(self.names)  # others that speak on the channel are not on the page
-        places = np.arange(count) if robots is None else robots
-        values, asked = self._station.values(text, places)
+        indices = np.arange(count) if robots is None else robots
+        values, asked = self._station.values(text, indices)
         return values, len(asked)
 
     def checked(self, text: str) -> Checked:

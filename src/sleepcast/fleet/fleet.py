@@ -386,7 +386,7 @@ class Fleet(Mapping[str, RobotView]):
     # ---- the robots
 
     def __getitem__(self, name: str) -> RobotView:
-        index = self.names.place(name)
+        index = self.names.index_of(name)
         if index is None:
             raise KeyError(name)
         return RobotView(self, index)

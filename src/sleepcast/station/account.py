@@ -234,7 +234,7 @@ class Account:
 
     def heard_at(self, name: str) -> float | None:
         """When a robot was last heard, None for never."""
-        place = self.answers.names.place(name)
+        place = self.answers.names.index_of(name)
         heard = -inf if place is None or place >= len(self.heard) else float(self.heard[place])
         return heard if heard > -inf else None
 

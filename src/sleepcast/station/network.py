@@ -412,7 +412,7 @@ class NetworkStation(Station):
                         self.conflicts.hear(msgspec.structs.replace(message, issued=self.now), self.now)
                     heard.append(known)
                     self._take_in(known)
-                    if self._roster.names.place(message.sender) is None and message.key:
+                    if self._roster.names.index_of(message.sender) is None and message.key:
                         self.session.delivery.admission.no_room(bytes.fromhex(message.key))
                     self._learn_stops(known)
                     self._learn_time(known)
@@ -514,7 +514,7 @@ class NetworkStation(Station):
 
     def _attend_names(self, now: float) -> None:
         """Ask robots that may have one name, count their answers again, and write down what has come out."""
-        names = [name for name in self.conflicts.to_probe(now) if self._roster.names.place(name) is not None]
+        names = [name for name in self.conflicts.to_probe(now) if self._roster.names.index_of(name) is not None]
         if names:
             looks = {LOOK: Inspection.TELEMETRY.value, INTRODUCE: True}
             self.post(Kind.ASK, body=looks, only=names[:MAX_LISTED])
@@ -541,7 +541,7 @@ class NetworkStation(Station):
         names = message.body.get(FOR)
         if not isinstance(names, list):
             return None
-        places = (self._roster.names.place(name) for name in names if isinstance(name, str))
+        places = (self._roster.names.index_of(name) for name in names if isinstance(name, str))
         return np.array([place for place in places if place is not None], np.intp)
 
     def notices(self) -> list[str]:

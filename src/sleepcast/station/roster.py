@@ -85,14 +85,14 @@ class Roster:
 
     def place(self, name: str) -> int:
         """The place of a robot. Raises UnknownRobotError."""
-        found = self.names.place(name)
+        found = self.names.index_of(name)
         if found is None:
             raise UnknownRobotError(name, self.names)
         return found
 
     def enrol(self, name: str) -> int | None:
         """The place of a robot, a new one if need be; None if the roster is full."""
-        place = self.names.place(name)
+        place = self.names.index_of(name)
         if place is None and len(self.names) < MAX_ROBOTS:
             place = self.names.add(name)
             if place >= len(self.heard):
@@ -102,7 +102,7 @@ class Roster:
     def hear(self, name: str, now: float, key: str = "") -> int | None:
         """Store that a robot was heard at `now` under this key ("" if nobody signs), and return its place; None without
         room for one more."""
-        place = self.names.place(name)
+        place = self.names.index_of(name)
         if place is None and (not key or self._of[key] < MAX_OF_KEY):
             place = self.enrol(name)
             self._of[key] += 1

@@ -231,7 +231,7 @@ class Answers(Mapping[str, Answer]):
             raise SerialError("answers without times or values")
 
     def __getitem__(self, name: str) -> Answer:
-        place = self.names.place(name)
+        place = self.names.index_of(name)
         if place is None or place >= len(self._outcome) or not self._outcome[place]:
             raise KeyError(name)
         value = float(self._value[place])
@@ -340,7 +340,7 @@ class Command:
     @property
     def resting(self) -> RestAccount:
         """Of a STOP: who is at rest among those that have accepted it."""
-        places = map(self.answers.names.place, self.conflicts)
+        places = map(self.answers.names.index_of, self.conflicts)
         shared = [place for place in places if place is not None]
         return self.rest.among(self.answers.codes == MATCHED, shared)
 

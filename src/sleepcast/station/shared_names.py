@@ -57,7 +57,7 @@ class ContestedNames:
 
     def places(self, now: float) -> Index:
         """The places of the names that several robots have, ascending."""
-        found = (self._roster.names.place(name) for name in self._conflicts.contested(now))
+        found = (self._roster.names.index_of(name) for name in self._conflicts.contested(now))
         return np.array(sorted(place for place in found if place is not None), np.intp)
 
     def is_several(self, name: str, now: float) -> bool:
@@ -116,7 +116,7 @@ class ContestedNames:
             raise DoubtError(why, f"warning: {why}")
 
     def _known(self, name: str) -> bool:
-        return self._roster.names.place(name) is not None
+        return self._roster.names.index_of(name) is not None
 
     def is_over(self, command: Command, now: float) -> bool:
         """Whether only robots of shared names are missing whose conflict is over: they are not heard any more."""
@@ -135,7 +135,7 @@ class ContestedNames:
                 yield command
 
     def _review(self, command: Command, name: str, now: float) -> None:
-        place = self._roster.names.place(name)
+        place = self._roster.names.index_of(name)
         if place is None or command.is_look or not _is_for(command, place):
             return
         if (command.id, name) in self._shared or self._conflicts.holders(name, now):

@@ -127,10 +127,10 @@ class MemoryTransport:
             if len(parties) >= MAX_PARTIES:
                 self._wakeup.close()
                 raise MediumError(f"{uri}: at most {MAX_PARTIES} parties of one process can share a medium: use udp://")
-            place = MemoryTransport._joined.get(name, 0)
-            MemoryTransport._joined[name] = place + 1
+            number = MemoryTransport._joined.get(name, 0)
+            MemoryTransport._joined[name] = number + 1
             parties.append(self)
-        self._chance = Random(f"{self._address.seed} {place}")
+        self._chance = Random(f"{self._address.seed} {number}")
 
     def fileno(self) -> int:
         """See `Transport.fileno`."""

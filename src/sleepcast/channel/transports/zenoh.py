@@ -53,12 +53,12 @@ class ZenohError(SleepcastError):
 class ZenohAddress:
     """A `zenoh://` address.
 
-    place, connect: `HOST:PORT` of the router, and of one that it links to ("" for none)
+    endpoint, connect: `HOST:PORT` of the router, and of one that it links to ("" for none)
     key: the key of all messages
     listen: whether we are the router
     """
 
-    place: str
+    endpoint: str
     key: str
     listen: bool
     connect: str
@@ -80,7 +80,7 @@ class ZenohAddress:
                 raise AddressError(
                     f"{uri!r}: connect links our own router to another one, so it needs listen as well; {_WANTED}"
                 )
-            connect = ZenohAddress.read(f"zenoh://{connect}").place
+            connect = ZenohAddress.read(f"zenoh://{connect}").endpoint
         return ZenohAddress(f"{_host(uri, address.hostname)}:{address.port}", key, not listen, connect)
 
 
@@ -178,8 +178,8 @@ def _config(site: ZenohAddress) -> zenoh.Config:
     config = zenoh.Config()
     for name, value in {
         "mode": "router" if site.listen else "client",
-        "listen/endpoints": [f"tcp/{site.place}"] if site.listen else [],
-        "connect/endpoints": [f"tcp/{place}" for place in ((site.connect,) if site.listen else (site.place,)) if place],
+        "listen/endpoints": [f"tcp/{site.endpoint}"] if site.listen else [],
+        "connect/endpoints": [f"tcp/{each}" for each in ((site.connect,) if site.listen else (site.endpoint,)) if each],
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "transport/link/rx/max_message_size": LARGEST,
@@ -193,10 +193,10 @@ def _config(site: ZenohAddress) -> zenoh.Config:
 def _refusal(uri: str, site: ZenohAddress, error: str) -> str:
     """Why there is no connection, and what to do about it."""
     if "Address already in use" in error:
-        return f"{uri}: another program listens at {site.place}: leave out ?listen to join it, or take another port"
+        return f"{uri}: another program listens at {site.endpoint}: leave out ?listen to join it, or take another port"
     if not site.listen:
-        return f"{uri}: no router answers at {site.place}: start one there, or be one with ?listen"
-    return f"{uri}: zenoh cannot listen at {site.place}: {error.partition(' at /')[0]}"
+        return f"{uri}: no router answers at {site.endpoint}: start one there, or be one with ?listen"
+    return f"{uri}: zenoh cannot listen at {site.endpoint}: {error.partition(' at /')[0]}"
 
 
 def open_zenoh(uri: str, clock: Clock) -> ZenohTransport:

@@ -135,7 +135,7 @@ def _lost_after(session: TuiSession) -> float:
 
 def _outcome(command: Command | None, silent: NDArray[np.bool_] | None, name: str) -> str:
     """The letter of a robot's answer to a command; a blank if it was not asked. silent: who was and did not answer."""
-    index = None if command is None else command.answers.names.place(name)
+    index = None if command is None else command.answers.names.index_of(name)
     if command is None or silent is None or index is None:
         return " "
     codes = command.answers.codes

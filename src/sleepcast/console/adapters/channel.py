@@ -220,8 +220,8 @@ class FleetAdapter:
         """The rules that robots have deactivated because of faults, unless their telemetry says that this is over."""
         failures, names = self._station.failures, self._station.names
         rules = (
-            FailingRule(key, printable(failures.names[key]), np.array(places, np.intp), len(places))
-            for key, places in failures.left(names, self._telemetry.minds)
+            FailingRule(key, printable(failures.names[key]), np.array(robots, np.intp), len(robots))
+            for key, robots in failures.left(names, self._telemetry.minds)
         )
         return most_first(rules)
 
@@ -247,8 +247,8 @@ class FleetAdapter:
         x, y = self._places()
         heading = np.remainder(self.minds.named(HEADING), 2.0 * pi)
         lost = np.isnan(x)
-        for number, place in enumerate(np.flatnonzero(lost).tolist()):
-            x[place], y[place] = self._aside(number)
+        for number, index in enumerate(np.flatnonzero(lost).tolist()):
+            x[index], y[index] = self._aside(number)
         return packed_poses(x, y, np.where(lost, nan, np.nan_to_num(heading)))
 
     def _places(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

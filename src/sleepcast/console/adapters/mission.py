@@ -34,7 +34,7 @@ class SwarmMission:
         self._waiting: list[Order] = []
         """What is to be played when somebody has decided about the problem."""
         self.left_out: frozenset[int] = frozenset()
-        self.problem, self._said, self.doubt = -1, "", False
+        self.problem, self._message, self.doubt = -1, "", False
         self.hold: Callable[[], None] = lambda: None
         self._brought = bool(swarm.mission)
         """Whether a snapshot was taken while the mission was played, and it goes on with that."""
@@ -58,8 +58,8 @@ class SwarmMission:
         self._log.take_over(sent)
 
     @property
-    def said(self) -> str:
-        return STOPPED if self._swarm.halted else self._said
+    def message(self) -> str:
+        return STOPPED if self._swarm.halted else self._message
 
     # ---- what people do
 
@@ -84,10 +84,10 @@ class SwarmMission:
         if self.playing or self._waiting:
             self._clear()
             self._swarm.mission.clear()
-            self._said = why
+            self._message = why
 
     def _clear(self) -> None:
-        self.problem, self._said, self.doubt, self._waiting = -1, "", False, []
+        self.problem, self._message, self.doubt, self._waiting = -1, "", False, []
         self._swarm.halted = False
 
     def send(self, number: int, *, confirmed: bool, again: bool) -> None:
@@ -131,32 +131,32 @@ class SwarmMission:
         self._swarm.heed_stops(self._swarm.posted.copy())
         following = self._swarm.simulator.tick + 1
         while mission and tick_at(mission[0].time, scenario.tick) <= following:
-            place = self._place(mission[0])
-            if self._brought and place is not None:
+            index = self._index(mission[0])
+            if self._brought and index is not None:
                 return
             order = mission.popleft()
-            if place is None:
+            if index is None:
                 continue  # somebody has sent it meanwhile
             try:
-                self._send(order, place)
+                self._send(order, index)
             except MissionError as error:
-                self._wait_for_somebody(place, error, [order, *mission])
+                self._wait_for_somebody(index, error, [order, *mission])
                 return
 
-    def _place(self, order: Order) -> int | None:
-        """The first of its places of which nobody has decided yet; None if there is none, -1 for an order of which the
+    def _index(self, order: Order) -> int | None:
+        """The first of its indices of which nobody has decided yet; None if there is none, -1 for an order of which the
         scenario knows nothing."""
-        places = [number for number, each in enumerate(self.orders) if is_same(each, order)]
+        indices = [number for number, each in enumerate(self.orders) if is_same(each, order)]
         settled = self._log.sent().keys() | self._log.wordless() | self.left_out
-        return next((number for number in places if number not in settled), None if places else -1)
+        return next((number for number in indices if number not in settled), None if indices else -1)
 
     def _refused(self, order: Order, error: MissionError) -> None:
         """The swarm cannot send one that a snapshot brought along."""
-        place = self._place(order)
-        self._wait_for_somebody(-1 if place is None else place, error, [order, *self._swarm.mission])
+        index = self._index(order)
+        self._wait_for_somebody(-1 if index is None else index, error, [order, *self._swarm.mission])
 
     def _send(self, order: Order, number: int, *, confirmed: bool = False) -> None:
-        """number: its place, -1 for one of which the scenario knows nothing."""
+        """number: its index, -1 for one of which the scenario knows nothing."""
         ahead, desk = self._swarm.simulator.scenario.tick, self._swarm.desk_for(order)
         sent = cast("Command | None", give(desk, order, confirmed=confirmed, undecided=False, ahead=ahead))
         if sent is None:
@@ -172,7 +172,7 @@ class SwarmMission:
         self._swarm.mission.clear()
         self._waiting = rest
         self.problem, self.doubt = number, isinstance(cause, DoubtError)
-        self._said = cause.shown if isinstance(cause, DoubtError) else str(cause or error)
+        self._message = cause.shown if isinstance(cause, DoubtError) else str(cause or error)
         self.hold()
 
 

@@ -32,7 +32,7 @@ class Play(PageMessage):
 
 
 class SendLine(PageMessage):
-    """Send a command of the mission now, by its place in it. again: although it was sent; confirmed: it is meant as it
+    """Send a command of the mission now, by its index in it. again: although it was sent; confirmed: it is meant as it
     stands, whatever is doubted."""
 
     serial: Serial
@@ -84,14 +84,14 @@ class MissionNews(DeskMessage, tag="mission"):
     lines: its commands
     playing: whether the rest goes out at its times
     problem: the index of the line that was not sent, -1 for none
-    said: why, or why it is not played any more
+    message: why, or why it is not played any more
     doubt: whether it may be sent as it stands
     """
 
     lines: list[ShownLine]
     playing: bool = False
     problem: int = -1
-    said: str = ""
+    message: str = msgspec.field(default="", name="said")
     doubt: bool = False
 
 
@@ -99,11 +99,11 @@ class Played(DeskMessage):
     """The answer to `Play`, `SendLine` and `SkipLine`: what happens now, in a sentence; "" where it is seen."""
 
     serial: int
-    said: str = ""
+    message: str = msgspec.field(default="", name="said")
 
 
 class MissionPlayer(Protocol):
-    """Plays the mission of one run. Orders are named by their places. hold: lets time stand still until somebody has
+    """Plays the mission of one run. Orders are named by their indices. hold: lets time stand still until somebody has
     decided about a problem."""
 
     hold: Callable[[], None]
@@ -119,7 +119,7 @@ class MissionPlayer(Protocol):
         """See `MissionNews`."""
 
     @property
-    def said(self) -> str: ...
+    def message(self) -> str: ...
     @property
     def doubt(self) -> bool: ...
 
@@ -173,7 +173,7 @@ def shown_mission(
                 number in player.left_out,
             )
         )
-    return MissionNews(lines, player.playing, player.problem, player.said, player.doubt)
+    return MissionNews(lines, player.playing, player.problem, player.message, player.doubt)
 
 
 def _shown(wanted: Wanted, row: CommandRow | None) -> ShownWanted:
@@ -205,13 +205,13 @@ class MissionSource(Protocol):
 @answers(then=only_now, lacking=NO_MISSION)
 def play(source: MissionSource, asked: Play) -> Played:
     """Play the mission, or no longer."""
-    problem, said = source.mission.problem, ""
+    problem, message = source.mission.problem, ""
     if asked.on:
-        said = source.mission.play()
+        message = source.mission.play()
     else:
         source.mission.halt("")
     _go_on(source, problem, played=asked.on)
-    return Played(asked.serial, said)
+    return Played(asked.serial, message)
 
 
 @answers(then=only_now, lacking=NO_MISSION)

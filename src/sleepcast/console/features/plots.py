@@ -166,12 +166,12 @@ class PlotSpec:
         if self.name:
             text = f"{self.what} {self.x}".strip()
             return self.name if text == self.name else f"{self.name}: {text}"
-        said = {
+        titles = {
             "time": f"{self.what} of {self.x}",
             "scatter": f"{self.y} over {self.x}",
             "histogram": f"histogram of {self.x}",
         }
-        return said[self.kind] + (f", where {self.where}" if self.where else "")
+        return titles[self.kind] + (f", where {self.where}" if self.where else "")
 
     @property
     def lines(self) -> list[str]:

@@ -67,9 +67,9 @@ def compared(text: str, at: int) -> Compared:
     for form in walk(read(text)):
         if not isinstance(form, List) or form.head not in COMPARISONS:
             continue
-        for place, item in enumerate(form.items[1:], 1):
+        for index, item in enumerate(form.items[1:], 1):
             if isinstance(item, Number) and item.start == at:
-                beside = [form.items[near] for near in (place - 1, place + 1) if 1 <= near < len(form.items)]
+                beside = [form.items[near] for near in (index - 1, index + 1) if 1 <= near < len(form.items)]
                 quantity = next((each for each in beside if not isinstance(each, Number)), None)
                 if quantity is not None:
                     return Compared(item, form, quantity)

@@ -40,7 +40,7 @@ ASK = "Only the robots themselves could tell this: ask them in the prompt."
 
 
 class GetRows(PageMessage, tag="rows"):
-    """Rows of the table of robots, `count` from place `first` on.
+    """Rows of the table of robots, `count` from index `first` on.
 
     columns: expressions, none for those that the desk suggests
     sort: the column by which it is sorted, -1 for the robots' own order, -2 for their groups
@@ -92,7 +92,7 @@ class ShownRow(msgspec.Struct, frozen=True, array_like=True):
 
 
 class TableRows(DeskMessage, tag="rows"):
-    """Rows of the table from place `first` on.
+    """Rows of the table from index `first` on.
 
     total: rows that pass the test
     problem: what is wrong with the test

@@ -42,7 +42,7 @@ class BudgetDecision(Enum):
     """What becomes of a question."""
 
     LET_IN = auto()
-    TOLD = auto()
+    REFUSED = auto()
     """Refused, and its robots are to say so."""
     DROPPED = auto()
 
@@ -62,7 +62,7 @@ class AnswerBudget:
     def __init__(self) -> None:
         self.robots = 0
         self._accounts: OrderedDict[str, _Account] = OrderedDict()
-        self._told: OrderedDict[tuple[str, str], float] = OrderedDict()
+        self._refused_at: OrderedDict[tuple[str, str], float] = OrderedDict()
         """When each asker was told, by each receiver."""
         self._refused: OrderedDict[str, None] = OrderedDict()
 
@@ -88,7 +88,7 @@ class AnswerBudget:
         self._refused[question.id] = None
         if len(self._refused) > _MAX_REFUSED:
             self._refused.popitem(last=False)
-        return BudgetDecision.TOLD
+        return BudgetDecision.REFUSED
 
     def has_refused(self, question: Message) -> bool:
         """Whether a question has come only to be answered with a fault."""
@@ -107,13 +107,13 @@ class AnswerBudget:
 
     def may_tell(self, asker: str, teller: str, now: float) -> bool:
         """Whether this receiver may tell the asker now that it is held back."""
-        last = self._told.get((asker, teller))
+        last = self._refused_at.get((asker, teller))
         if last is not None and 0.0 <= now - last < TELL_EVERY:
             return False
-        self._told[asker, teller] = now
-        self._told.move_to_end((asker, teller))
-        if len(self._told) > MAX_ASKERS + self.robots:
-            self._told.popitem(last=False)
+        self._refused_at[asker, teller] = now
+        self._refused_at.move_to_end((asker, teller))
+        if len(self._refused_at) > MAX_ASKERS + self.robots:
+            self._refused_at.popitem(last=False)
         return True
 
     def _account(self, asker: str, now: float) -> _Account:

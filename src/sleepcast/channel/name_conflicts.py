@@ -128,7 +128,7 @@ class NameConflicts:
         elif message.kind not in (Kind.DIGEST, Kind.REQUEST):  # those may be of a receiver, which is no robot
             self._take(sender, message.epoch, message.issued, now, address, message.key)
             for epoch, heard in _others(body, now):
-                self._told(sender, message.epoch, epoch, heard, now, message.key)
+                self._hear_of(sender, message.epoch, epoch, heard, now, message.key)
         if message.kind is Kind.DIGEST and NAMES in body:
             for name, epoch in _spoken(body[NAMES]):
                 if owns(name) and (not self.own or name in self.own):
@@ -173,7 +173,7 @@ class NameConflicts:
         self._contest(name, holders[0], heard)
         self._speak(now, SPEAK_EVERY)
 
-    def _told(self, name: str, by: int, epoch: int, heard: float, now: float, key: str) -> None:
+    def _hear_of(self, name: str, by: int, epoch: int, heard: float, now: float, key: str) -> None:
         """A robot says when it last heard another one under its name."""
         holders = self._known(name, now, key)
         teller = next((each for each in holders if each.epoch == by), None)

@@ -40,11 +40,11 @@ from sleepcast.channel.sequencer import (
     DeliveryState,
     DigestTimer,
     MessageStore,
+    ReportedStreams,
     Sequencer,
     Skipped,
     Stream,
     StreamId,
-    ToldStreams,
 )
 from sleepcast.core.clock import MADE
 
@@ -179,8 +179,8 @@ class ReliableDelivery:
         self._store = MessageStore()
         self._repairs = RepairTimer(chance)
         self._digest_timer = DigestTimer(chance)
-        self._told = ToldStreams(lambda key, _: admission.no_room(bytes.fromhex(key)))
-        self._catching_up = CatchingUp(self._told)
+        self._reported = ReportedStreams(lambda key, _: admission.no_room(bytes.fromhex(key)))
+        self._catching_up = CatchingUp(self._reported)
         self._sequence, self._issued, self._keep = first - 1, 0.0, keep
         self._out: list[bytes] = []
         self._later: list[Repair | Repeat] = []
@@ -497,13 +497,13 @@ class ReliableDelivery:
             theirs = {name: rules for name, rules in theirs.items() if not self._is_revoked(name)}
         elif digest.role != Role.ROBOT:
             return
-        self._told.hear(digest.key, theirs, now, self._is_revoked)  # a revoked key may lose commands
+        self._reported.hear(digest.key, theirs, now, self._is_revoked)  # a revoked key may lose commands
 
     def _digest(self, now: float) -> dict[str, object]:
         """The body of our digest. An operator repeats what robots tell about others' rules, so that nobody resends them
         to him; what we know ourselves has room first."""
         have = self.sequencer.standing()
-        told = {} if self.admission.robot else self._told.latest(now)
+        told = {} if self.admission.robot else self._reported.latest(now)
         others = sorted(told.keys() - have.keys())[: MAX_STREAMS - len(have)]
         have |= {name: told[name] for name in others}
         return {"have": [[*name, have[name]] for name in sorted(have)], BASES: True}

@@ -553,9 +553,9 @@ def _named(stored: StoredCommand, parts: Sequence[int]) -> Sequence[int]:
 # is forgotten
 
 
-MAX_TOLD = 4_096
+MAX_REPORTED = 4_096
 """Streams that are remembered as others tell of them: `MAX_STREAMS` of each of 64 keys, half a megabyte."""
-TOLD_FOR = 600.0
+REPORTED_FOR = 600.0
 """Seconds for which it is remembered that somebody told of a command: digests come every minute at least."""
 
 
@@ -566,26 +566,26 @@ class LatestStanding(NamedTuple):
     time: float
 
 
-class ToldStreams:
+class ReportedStreams:
     """The latest standing command of each stream, as others tell. lost: called with the key of a teller that has told
     of more streams than are remembered of one key."""
 
     def __init__(self, lost: Callable[..., object] = lambda *_: None) -> None:
-        self._told = FairTable[tuple[str, StreamId], LatestStanding, str](MAX_TOLD, each=MAX_STREAMS, lost=lost)
+        self._reported = FairTable[tuple[str, StreamId], LatestStanding, str](MAX_REPORTED, each=MAX_STREAMS, lost=lost)
 
     def hear(self, teller: str, told: Mapping[StreamId, int], now: float, falling: Callable[[StreamId], bool]) -> None:
         """A digest that was signed with this key, at `now`, s. falling: of which streams a smaller number counts."""
         for name, number in told.items():
-            before = self._told.get((teller, name))
-            if before is None or number >= before.number or falling(name) or now - before.time > TOLD_FOR:
-                self._told.put(teller, (teller, name), LatestStanding(number, now))
+            before = self._reported.get((teller, name))
+            if before is None or number >= before.number or falling(name) or now - before.time > REPORTED_FOR:
+                self._reported.put(teller, (teller, name), LatestStanding(number, now))
 
     def latest(self, now: float) -> dict[StreamId, int]:
         """The highest number that is told of each stream."""
-        for which in [which for which, told in self._told.items() if now - told.time > TOLD_FOR]:
-            self._told.pop(which)
+        for which in [which for which, told in self._reported.items() if now - told.time > REPORTED_FOR]:
+            self._reported.pop(which)
         numbers: dict[StreamId, int] = {}
-        for (_, name), told in self._told.items():
+        for (_, name), told in self._reported.items():
             numbers[name] = max(told.number, numbers.get(name, 0))
         return numbers
 
@@ -608,8 +608,8 @@ them may be gone, or may have lied."""
 class CatchingUp:
     """One receiver's judgement. told: what others tell. Times are s of Unix time."""
 
-    def __init__(self, told: ToldStreams) -> None:
-        self._told, self._latest = told, -inf
+    def __init__(self, told: ReportedStreams) -> None:
+        self._reported, self._latest = told, -inf
 
     def take(self, issued: float, now: float) -> None:
         """A standing command, issued at that time, is taken at `now`."""
@@ -621,4 +621,4 @@ class CatchingUp:
         since = now - self._latest
         if since >= PATIENCE:
             return False
-        return since < QUIET or any(number > have.get(name, 0) for name, number in self._told.latest(now).items())
+        return since < QUIET or any(number > have.get(name, 0) for name, number in self._reported.latest(now).items())

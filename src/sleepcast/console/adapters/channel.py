@@ -254,8 +254,8 @@ class FleetAdapter:
     def _places(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """x and y of each robot, m; NaN for both where its position is unknown."""
         x, y = self.minds.named(X), self.minds.named(Y)
-        there = (np.abs(x) <= FARTHEST) & (np.abs(y) <= FARTHEST)
-        return np.where(there, x, nan), np.where(there, y, nan)
+        known = (np.abs(x) <= FARTHEST) & (np.abs(y) <= FARTHEST)
+        return np.where(known, x, nan), np.where(known, y, nan)
 
     def _aside(self, number: int) -> tuple[float, float]:
         """Where a robot without a position is drawn."""

@@ -110,16 +110,8 @@ def serve_runs(runs: RunSwitcher, clock: Clock, *, address: Address, say: Callab
 
     The rest is as for `serve_backend`.
     """
-
-    def app(door: PageAccess) -> Starlette:
-        return make_app(
-            "index.html",
-            door,
-            lambda socket: PageSession(socket, SwarmDialogue(runs.desk), clock).run(),
-            parts=added_parts(say),
-        )
-
-    asyncio.run(serve_pages(app, runs.live, address=address, say=say, around=runs))
+    application = _application(lambda: runs.desk, clock, say)
+    asyncio.run(serve_pages(application, runs.live, address=address, say=say, around=runs))
 
 
 def serve_fleet(
@@ -154,23 +146,20 @@ def serve_backend(
 
     The rest is as for `serve_pages`.
     """
+    application = _application(lambda: desk, clock, say)
+    asyncio.run(serve_pages(application, desk.live, address=address, say=say, around=around))
 
-    def app(door: PageAccess) -> Starlette:
-        return make_app(
-            "index.html",
-            door,
-            lambda socket: PageSession(socket, SwarmDialogue(desk), clock).run(),
-            parts=added_parts(say),
-        )
 
-    pages = serve_pages(
-        app,
-        desk.live,
-        address=address,
-        say=say,
-        around=around,
+def _application(
+    desk: Callable[[], Backend | ReplayBackend], clock: Clock, say: Callable[[str], None]
+) -> Callable[[PageAccess], Starlette]:
+    """The application of a swarm's page, for the door that it is given. desk: that of a page which is opened now."""
+    return lambda door: make_app(
+        "index.html",
+        door,
+        lambda socket: PageSession(socket, SwarmDialogue(desk()), clock).run(),
+        parts=added_parts(say),
     )
-    asyncio.run(pages)
 
 
 async def serve_pages(

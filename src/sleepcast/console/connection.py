@@ -15,6 +15,7 @@ from typing import Generic, TypeVar
 import msgspec
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from sleepcast.channel.admission import TokenBucket
 from sleepcast.console import incoming
 from sleepcast.console.outgoing import Alive, Refused
 from sleepcast.core.clock import Clock
@@ -38,14 +39,17 @@ encode = msgspec.json.Encoder().encode
 
 
 class PageConnection(Generic[M]):
-    """One page's socket. decode: gives a message or raises PageMessageError. urgent: messages that nothing may hold
-    up."""
+    """One page's socket.
+
+    decode: gives a message or raises PageMessageError
+    urgent: messages that nothing may hold up
+    """
 
     def __init__(
         self, socket: WebSocket, decode: Callable[[str | bytes], M], urgent: tuple[type[M], ...], clock: Clock
     ) -> None:
         self._socket, self._decode, self._urgent, self._clock = socket, decode, urgent, clock
-        self._allowance, self._counted_at = MESSAGES_AT_ONCE, clock.now()
+        self._allowance = TokenBucket(MESSAGES_PER_SECOND, MESSAGES_AT_ONCE, clock.now())
         self._dropped = self._malformed = 0
         self._gone = False
 
@@ -70,23 +74,17 @@ class PageConnection(Generic[M]):
             self._malformed += 1
             await self.say(Refused(str(error), incoming.serial_in(data)))
             return
-        if isinstance(message, self._urgent) or self._may_pass():
+        if isinstance(message, self._urgent):
+            await take(message)
+            return
+        if self._allowance.left(self._clock.now()) >= 1.0:
+            self._allowance.spend(1.0)
             await take(message)
             return
         self._dropped += 1
         serial = getattr(message, "serial", None)
         if serial is not None or self._dropped == 1:
             await self.say(Refused("too many messages at once; this one was not read", serial))
-
-    def _may_pass(self) -> bool:
-        """Whether one more message keeps within the page's rate."""
-        now = self._clock.now()
-        saved = self._allowance + (now - self._counted_at) * MESSAGES_PER_SECOND
-        self._allowance, self._counted_at = min(saved, MESSAGES_AT_ONCE), now
-        if self._allowance < 1.0:
-            return False
-        self._allowance -= 1.0
-        return True
 
     async def beat(self) -> None:
         """Let the page know for ever that it is heard."""

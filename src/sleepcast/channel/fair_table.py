@@ -9,7 +9,7 @@ that has the most: whoever makes many entries loses their own.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from itertools import count
 from typing import Generic, TypeVar
 
@@ -110,17 +110,13 @@ class FairTable(Generic[Key, Value, Owner]):
 
     def _greediest(self, new: Key) -> Owner:
         """The owner whose entry gives way: who has the most; among several, whose entry was used longest ago."""
-        brief = self._brief(new) if self._lasting else {}
-        of = brief or {owner: keys for owner, keys in self._of.items() if len(keys) > 1 or new not in keys}
+        of: dict[Owner, Mapping[Key, int]] = {}
+        if self._lasting:  # entries that do not last go first, without the one that has just come
+            for owner, keys in self._of.items():
+                if brief := {key: moment for key, moment in keys.items() if key != new and not self._lasts(key)}:
+                    of[owner] = brief
+        of = of or {owner: keys for owner, keys in self._of.items() if len(keys) > 1 or new not in keys}
         return max(of, key=lambda owner: (len(of[owner]), -next(iter(of[owner].values()))))
-
-    def _brief(self, new: Key) -> dict[Owner, dict[Key, int]]:
-        """Each owner's entries that do not last, without the one that has just come."""
-        brief = {
-            owner: {key: moment for key, moment in keys.items() if key != new and not self._lasts(key)}
-            for owner, keys in self._of.items()
-        }
-        return {owner: keys for owner, keys in brief.items() if keys}
 
     def _lasts(self, key: Key) -> bool:
         return self._lasting is not None and self._lasting(self._entries[key][1])

@@ -94,8 +94,9 @@ class Stream:
         numbers = sorted((*self.standing, *self.over))
         self.standing = [number for number in numbers if self.counts(number)]
         self.over = [number for number in numbers if not self.counts(number)]
+        one_shot = {number for number, message in self.waiting.items() if not message.standing}
         for table in (self.waiting, self.wanted):
-            for number in [number for number in table if not self.counts(number) and self._stood(number)]:
+            for number in [number for number in table if not self.counts(number) and number not in one_shot]:
                 del table[number]
 
     def counts(self, number: int) -> bool:
@@ -109,11 +110,6 @@ class Stream:
             return link.rules
         index = bisect_right(self.only, link.rules)
         return self.only[index - 1] if index else 0
-
-    def _stood(self, number: int) -> bool:
-        """Whether a missing or waiting command may be a standing one."""
-        waiting = self.waiting.get(number)
-        return waiting is None or waiting.standing
 
     @property
     def rules(self) -> int:

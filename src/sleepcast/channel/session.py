@@ -285,20 +285,13 @@ class ChannelSession:
 
     def _post(self, message: Message) -> None:
         deadline, now = None if isinf(message.deadline) else message.deadline + self.zero, self._clock.now()
+        body = message.body
+        if message.kind is Kind.ANSWER and (others := self.conflicts.others(self.delivery.name, now)):
+            telling = {**body, OTHERS: others}  # of other robots with our name, where there is room for that
+            body = telling if len(content_of(message.text, telling)) <= MAX_CONTENT else body
         self.delivery.post(
-            message.kind,
-            now,
-            text=message.text,
-            deadline=deadline,
-            standing=message.standing,
-            body=self._with_others(message, now) if message.kind is Kind.ANSWER else message.body,
+            message.kind, now, text=message.text, deadline=deadline, standing=message.standing, body=body
         )
-
-    def _with_others(self, answer: Message, now: float) -> dict[str, object]:
-        """The body of an answer, which tells of other robots with our name, where there is room for that."""
-        others = self.conflicts.others(self.delivery.name, now)
-        body = {**answer.body, OTHERS: others} if others else answer.body
-        return answer.body if others and len(content_of(answer.text, body)) > MAX_CONTENT else body
 
     def flush(self) -> None:
         """Send what was queued; anything else is due only after we have listened."""

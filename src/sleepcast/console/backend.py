@@ -41,7 +41,7 @@ from sleepcast.language.reading_units import report_in_words
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, FROZEN, MARKED, SLEEPING, SUPPORT, TIME_SLOT, unit_of
 from sleepcast.loop.swarm import Witness
 from sleepcast.simulator import KERNELS, kernel_count
-from sleepcast.station import Command, NoExplanationError, Report, Station
+from sleepcast.station import Command, NoExplanationError, Station
 from sleepcast.station.account import answer_in_words
 from sleepcast.station.prepared import Prepared, Terms
 from sleepcast.station.rest import stopped_in_words
@@ -332,7 +332,12 @@ class Backend:
         values.sort(key=lambda value: _KINDS.index(value.kind))
         rules = [self._show_rule(rule) for rule in mind.rules()]
         reports = (report for report in reversed(self.station.reports) if report.robot == name)
-        latest = [_show_report(report, self.began) for report in islice(reports, MAX_REPORTS)]
+        latest = [
+            outgoing.ShownReport(
+                each.heard - self.began, report_in_words(each.body.get("label"), each.body.get("values"))
+            )
+            for each in islice(reports, MAX_REPORTS)  # a report's body is what a robot sent: any of it may be missing
+        ]
         return outgoing.WatchedRobot(index, groups, states, values, rules, latest)
 
     def _states(self, mind: MindView) -> list[str]:
@@ -350,9 +355,3 @@ class Backend:
         binding = vocabulary.bindings.get(name.casefold())
         kind = binding.kind.value if isinstance(binding, Variable) else "user"
         return outgoing.ShownValue(name, value_in_words(value, unit_of(name, vocabulary)), kind)
-
-
-def _show_report(report: Report, began: float) -> outgoing.ShownReport:
-    """A report's body is what a robot sent: any of it may be missing or of another kind."""
-    text = report_in_words(report.body.get("label"), report.body.get("values"))
-    return outgoing.ShownReport(report.heard - began, text)

@@ -67,10 +67,6 @@ class Handler:
         """Whether sleepcast itself answers."""
         return self.answer.__module__.startswith("sleepcast.")
 
-    def supported_by(self, source: object) -> bool:
-        """Whether a source has what it takes."""
-        return has(source, self.needs)
-
 
 HANDLERS: dict[type[PageMessage], Handler] = {}
 """All questions whose modules have been imported; `registry` imports every one."""

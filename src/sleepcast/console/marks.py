@@ -56,7 +56,9 @@ class Marks:
     def add(self, at: float, kind: str, text: str, seen: float | None = None, command: str = "") -> None:
         """Another mark."""
         self.number += 1
-        self.all.append(Mark(at, kind, _first_line(text), at if seen is None else seen, command))
+        line = text.strip().split("\n")[0]
+        line = line if len(line) <= LONGEST else line[: LONGEST - 1] + "…"
+        self.all.append(Mark(at, kind, line, at if seen is None else seen, command))
 
     def sort(self) -> None:
         """Put those that were noticed in another order into that of time."""
@@ -107,11 +109,6 @@ def _keep_latest(known: dict[str, Known]) -> None:
 
 def _robots(count: int) -> str:
     return f"{count:,} robot{'s' * (count != 1)}"
-
-
-def _first_line(text: str) -> str:
-    first = text.strip().split("\n")[0]
-    return first if len(first) <= LONGEST else first[: LONGEST - 1] + "…"
 
 
 def clock_time(seconds: float) -> str:

@@ -82,7 +82,7 @@ def answer(asked: PageMessage, desk: Source, page: object = None, then: Then | N
     handler = HANDLERS.get(type(asked))
     if handler is None:
         raise MisuseError(NOT_HERE_AT_ALL)
-    source = next((each for each in (page, desk) if handler.supported_by(each)), None)
+    source = next((each for each in (page, desk) if has(each, handler.needs)), None)
     if then is not None and handler.then is not None:
         answered = handler.then(source, asked, then)
         if answered is not None:

@@ -247,8 +247,10 @@ class FleetAdapter:
         x, y = self._places()
         heading = np.remainder(self.minds.named(HEADING), 2.0 * pi)
         lost = np.isnan(x)
-        for number, index in enumerate(np.flatnonzero(lost).tolist()):
-            x[index], y[index] = self._aside(number)
+        left, low, right, high = self.scene.area
+        row, column = np.divmod(np.arange(np.count_nonzero(lost)), ROBOTS_PER_ROW)  # below the map
+        x[lost] = left + (column + 0.5) * (right - left) / ROBOTS_PER_ROW
+        y[lost] = low - (row + 0.6) * ROW * (high - low)
         return packed_poses(x, y, np.where(lost, nan, np.nan_to_num(heading)))
 
     def _places(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -256,12 +258,6 @@ class FleetAdapter:
         x, y = self.minds.named(X), self.minds.named(Y)
         known = (np.abs(x) <= FARTHEST) & (np.abs(y) <= FARTHEST)
         return np.where(known, x, nan), np.where(known, y, nan)
-
-    def _aside(self, number: int) -> tuple[float, float]:
-        """Where a robot without a position is drawn."""
-        left, low, right, high = self.scene.area
-        row, column = divmod(number, ROBOTS_PER_ROW)
-        return left + (column + 0.5) * (right - left) / ROBOTS_PER_ROW, low - (row + 0.6) * ROW * (high - low)
 
     # ---- what goes on
 

@@ -11,7 +11,7 @@ from sleepcast.console.incoming import Operator, PageMessage, Serial, Text
 from sleepcast.console.outgoing import DeskMessage, ShownFinding
 from sleepcast.console.view import Scene
 from sleepcast.core.errors import and_more
-from sleepcast.language import Finding, ReadError
+from sleepcast.language import ReadError
 from sleepcast.station import NO, UNKNOWN, YES, Station
 
 MAX_REASONS = 5
@@ -60,7 +60,7 @@ def get_preview(source: PreviewSource, asked: GetPreview) -> Previewed:
         checked = station.check(text)
     except ReadError as error:
         return Previewed(serial, [ShownFinding("error", error.reason, error.start, error.end, str(error))])
-    findings = [_show_finding(finding, text) for finding in checked.findings]
+    findings = [ShownFinding(f.severity, f.message, f.start, f.end, f.render(text)) for f in checked.findings]
     findings += [ShownFinding("warning", line, 0, 0, line) for line in and_more(checked.more)]
     if checked.errors and checked.by:
         findings.append(ShownFinding("error", checked.by, 0, 0, checked.by))
@@ -80,7 +80,3 @@ def get_preview(source: PreviewSource, asked: GetPreview) -> Previewed:
         list(preview.reasons.items())[:MAX_REASONS],
         preview.codes[: len(source.scene.names)].tobytes(),  # others that speak on the channel are not on the map
     )
-
-
-def _show_finding(finding: Finding, text: str) -> ShownFinding:
-    return ShownFinding(finding.severity, finding.message, finding.start, finding.end, finding.render(text))

@@ -416,7 +416,7 @@ def test_commands_that_found_no_room_to_wait_come_again(folder: Path, channel: s
         late, wanted = time.monotonic() + PATIENT, {order.id for order, _ in orders}
         while not desk.answered >= wanted:
             assert time.monotonic() < late
-            order, datagrams = desk.post("(SETQ n (+ n 1))")  # says which one was before it, so that that one is missed
+            _, datagrams = desk.post("(SETQ n (+ n 1))")  # says which one was before it, so that that one is missed
             desk.send(*datagrams)
             pause = time.monotonic() + 3.0  # and if what was missed came too late, it is missed again at the next one
             desk.serve(lambda pause=pause: desk.answered >= wanted or time.monotonic() > pause)  # type: ignore[misc]

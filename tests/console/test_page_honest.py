@@ -37,41 +37,65 @@ def first(page: Page, cell: str) -> str:
     return f"#commands tr:first-child {cell}"
 
 
-def test_what_is_not_done_is_not_shown_as_done(rovers: Page) -> None:
+GUARD = "(WHEN (> battery 50%) (RULE guard (SETQ drive_speed (/ 1 0))))"
+
+
+@pytest.fixture
+def running(rovers: Page) -> Page:
+    """The same, while time goes on, without the rule that fails and without STOP."""
     if rovers.locator("#run").get_attribute("data-running") == "false":
         rovers.locator("#run").click()
-    enter(rovers, "(WHEN (> batery 50%) (MARK))")
-    expect(rovers.locator("#unknown")).to_have_text("20")
-    expect(rovers.locator("#findings")).to_contain_text("no robot has batery")
-    expect(rovers.locator("#findings")).to_contain_text("Press Enter once more")
-    rovers.locator("#text").press("Enter")
-    expect(rovers.locator(first(rovers, ".unknown"))).to_have_text("20")
-    expect(rovers.locator(first(rovers, ".not-matched"))).to_have_text("0")
+    return rovers
 
-    enter(rovers, "(WHEN (> battery 50%) (RULE guard (SETQ drive_speed (/ 1 0))))")
-    badge = rovers.locator("#failing")
+
+@pytest.fixture
+def failing(running: Page) -> Iterator[str]:
+    """How many robots have a rule that fails; they forget it afterwards."""
+    enter(running, GUARD)
+    badge = running.locator("#failing")
     expect(badge).to_contain_text("rule guard fails on")
-    failing = badge.locator("b").inner_text()
-    expect(rovers.locator(first(rovers, ".matched"))).to_have_text(failing)
-    expect(rovers.locator(first(rovers, ".failing"))).to_have_text(f"! rule guard fails: {failing}")
-    badge.click()
-    expect(rovers.locator("#legend .lit")).to_have_text(re.compile(rf"{failing}\s*a rule fails"))
-    rovers.locator(first(rovers, ".failing")).click()
-    expect(rovers.locator("#legend .lit")).to_have_text(re.compile(rf"{failing}\s*rule guard fails"))
-
-    rovers.keyboard.press("F9")
-    expect(rovers.locator("#stopped-text")).to_contain_text("all 20 robots")
-    enter(rovers, "(WHEN (> battery 50%) (SETQ drive_speed 1))")
-    expect(rovers.locator(first(rovers, ".held-up"))).to_have_text(f"held by STOP: {failing}")
-    rovers.locator("#release").click()
-    expect(rovers.locator("#stopped")).to_be_hidden()
-
-    rovers.keyboard.press("Control+Space")
-    expect(rovers.locator("#achieved")).to_have_text("paused")
-    enter(rovers, "(WHEN (> battery 50%) (FORGET guard))")
-    expect(rovers.locator(first(rovers, ".held-up"))).to_have_text("waiting: paused")
-    expect(rovers.locator(first(rovers, ".silent"))).to_have_text("–")
-    rovers.keyboard.press("Control+Space")
-    expect(rovers.locator(first(rovers, ".held-up"))).to_have_text("")
-    expect(rovers.locator(first(rovers, ".silent"))).to_have_text("0")
+    yield badge.locator("b").inner_text()
+    enter(running, "(WHEN (> battery 50%) (FORGET guard))")
     expect(badge).to_be_hidden()
+
+
+def test_a_name_that_no_robot_has_is_told_before_and_counts_as_unknown_after(running: Page) -> None:
+    enter(running, "(WHEN (> batery 50%) (MARK))")
+    expect(running.locator("#unknown")).to_have_text("20")
+    expect(running.locator("#findings")).to_contain_text("no robot has batery")
+    expect(running.locator("#findings")).to_contain_text("Press Enter once more")
+    running.locator("#text").press("Enter")
+    expect(running.locator(first(running, ".unknown"))).to_have_text("20")
+    expect(running.locator(first(running, ".not-matched"))).to_have_text("0")
+
+
+def test_a_rule_that_fails_stands_with_its_command_and_lights_its_robots(running: Page, failing: str) -> None:
+    expect(running.locator(first(running, ".matched"))).to_have_text(failing)
+    expect(running.locator(first(running, ".failing"))).to_have_text(f"! rule guard fails: {failing}")
+    running.locator("#failing").click()
+    expect(running.locator("#legend .lit")).to_have_text(re.compile(rf"{failing}\s*a rule fails"))
+    running.locator(first(running, ".failing")).click()
+    expect(running.locator("#legend .lit")).to_have_text(re.compile(rf"{failing}\s*rule guard fails"))
+
+
+def test_what_a_stop_holds_is_not_done(running: Page) -> None:
+    enter(running, "(WHEN (> battery 50%) (MARK))")
+    expect(running.locator(first(running, ".silent"))).to_have_text("0")
+    meant = running.locator(first(running, ".matched")).inner_text()
+    running.keyboard.press("F9")
+    expect(running.locator("#stopped-text")).to_contain_text("all 20 robots")
+    enter(running, "(WHEN (> battery 50%) (SETQ drive_speed 1))")
+    expect(running.locator(first(running, ".held-up"))).to_have_text(f"held by STOP: {meant}")
+    running.locator("#release").click()
+    expect(running.locator("#stopped")).to_be_hidden()
+
+
+def test_what_is_sent_while_time_stands_still_waits(running: Page) -> None:
+    running.keyboard.press("Control+Space")
+    expect(running.locator("#achieved")).to_have_text("paused")
+    enter(running, "(WHEN (> battery 50%) (UNMARK))")
+    expect(running.locator(first(running, ".held-up"))).to_have_text("waiting: paused")
+    expect(running.locator(first(running, ".silent"))).to_have_text("–")
+    running.keyboard.press("Control+Space")
+    expect(running.locator(first(running, ".held-up"))).to_have_text("")
+    expect(running.locator(first(running, ".silent"))).to_have_text("0")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import stat
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
@@ -109,31 +110,59 @@ def test_where_nothing_can_be_written_a_sentence_says_so(tmp_path: Path) -> None
     assert "cannot write" in refused.err
 
 
-def test_a_key_that_is_in_use_is_taken_where_no_other_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+ASKED = AirOptions("udp://127.0.0.1:1", "lab", None, None, None)
+
+
+@pytest.fixture
+def owned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder of somebody with keys of anna (observer), chief (commander) and r* (robot), none of them in use."""
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
-    folder = keys_folder()
-    assert called_warm("keys", "use", "anna").status == 2
     for owner, role in (("anna", "observer"), ("chief", "commander"), ("r*", "robot")):
         assert called_warm("keys", "new", owner, "--role", role).status == 0
-    asked = AirOptions("udp://127.0.0.1:1", "lab", None, None, None)
+    return keys_folder()
+
+
+def owner_of(asked: AirOptions, *, robot: bool, say: Callable[[str], object] = lambda said: None) -> str:
+    """Whose key is taken."""
+    return keys_of(asked, robot, say)[0].public.owner
+
+
+def test_a_key_that_is_in_use_is_taken_where_no_other_is_named(owned: Path) -> None:
+    said: list[str] = []
+    for owner in ("chief", "r*"):
+        assert called_warm("keys", "use", owner).status == 0
+    assert owner_of(ASKED, robot=False, say=said.append) == "chief"
+    assert owner_of(ASKED, robot=True, say=said.append) == "r*"
+    assert owner_of(replace(ASKED, key="anna"), robot=False, say=said.append) == "anna"
+    assert commander(owned, None).public.owner == "chief"
+    assert len(keys_of(ASKED, False, said.append)[1].keys) == 3
+    assert said == [], "nobody need be told of development keys"
+
+
+def test_what_is_in_use_is_said_and_what_still_is_a_development_key(owned: Path) -> None:
     taken = called_warm("keys", "use", "chief")
     assert "take the key of chief (commander) from now on" in taken.out
     assert "node and swarm still use the development key" in taken.err
     assert called_warm("keys", "use", "r*").err == ""
-    said: list[str] = []
-    pair, trust = keys_of(asked, False, said.append)
-    assert (pair.public.owner, len(trust.keys)) == ("chief", 3)
-    assert keys_of(asked, True, said.append)[0].public.owner == "r*"
-    assert keys_of(replace(asked, key="anna"), False, said.append)[0].public.owner == "anna"
-    assert said == [], "nobody need be told of development keys"
-    assert commander(folder, None).public.owner == "chief"
     used = {key["owner"]: key["in_use"] for key in json.loads(called_warm("keys", "list", "--json").out)}
     assert used == {"anna": False, "chief": True, "r*": True}
+
+
+def test_development_keys_can_be_used_again(owned: Path) -> None:
+    said: list[str] = []
+    assert called_warm("keys", "use", "chief").status == 0
     assert called_warm("keys", "use", "--development").status == 0
-    assert keys_of(asked, False, said.append)[0].public.owner == "desk"
+    assert owner_of(ASKED, robot=False, say=said.append) == "desk"
     assert "development keys of this machine" in said[0]
+
+
+def test_no_key_and_one_that_is_not_there_cannot_be_used(owned: Path) -> None:
     assert called_warm("keys", "use").status == 2
-    (folder / "in-use.json").write_text('{"format": 2, "desk": "anna"}')
+    assert called_warm("keys", "use", "bert").status == 2
+
+
+def test_what_is_in_use_is_not_read_in_a_newer_format(owned: Path) -> None:
+    (owned / "in-use.json").write_text('{"format": 2, "desk": "anna"}')
     refused = called_warm("ask", "1", "--channel", "udp://127.0.0.1:1")
     assert (refused.status, "of format 2, and this sleepcast reads 1" in refused.err) == (2, True)
 

@@ -50,9 +50,9 @@ def prepare(as_json: bool, quiet: bool) -> int:
         for name in names:
             tell(name)
             _compile_for(name)
-    from sleepcast.simulator.simd.compiled import CACHE, kept_in
+    from sleepcast.simulator.simd.compiled import CACHE, compiled_in
 
-    folder, seconds = kept_in(), perf_counter() - began
+    folder, seconds = compiled_in(), perf_counter() - began
     if folder is None:
         places = " nor in ".join(map(str, CACHE.folders))
         raise PrepareError(f"compiled code can be kept neither in {places}, so every start will compile anew")

@@ -84,7 +84,7 @@ class ReadSet:
 
     def _by_rules(self, mind: Mind) -> frozenset[int] | None:
         if mind not in self._of_mind:
-            programs = [kept.program for kept in mind.running]
+            programs = [rule.program for rule in mind.running]
             taught = {key for program in programs for part in walk(program.root) for key in _taught(part)}
             # A rule that another one stores anew runs in the same tick, whatever it will then read.
             anew = not taught.isdisjoint({_ANYTHING, *mind.rules})
@@ -299,8 +299,8 @@ class LogEntry:
             self.stopped,
             self.draws,
         )
-        kept = (*arrays, *self.columns.values(), *self.groups.values())
-        return ENTRY_BYTES + self.host_bytes + sum(array.nbytes for array in kept if isinstance(array, np.ndarray))
+        values = (*arrays, *self.columns.values(), *self.groups.values())
+        return ENTRY_BYTES + self.host_bytes + sum(array.nbytes for array in values if isinstance(array, np.ndarray))
 
     @property
     def host_bytes(self) -> int:

@@ -237,8 +237,8 @@ class Mind:
 
     def fetch(self, part: Part) -> Program | None:
         """The program in the buffer or rule that a `fetch` part names, None if there is none."""
-        kept = self.rules.get(part.name)
-        return None if kept is None else kept.program
+        rule = self.rules.get(part.name)
+        return None if rule is None else rule.program
 
     def operator(self, part: Part) -> Program | None:
         """The program of the operator that a `call` part names, None if there is none of that name."""

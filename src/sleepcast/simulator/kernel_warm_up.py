@@ -34,9 +34,9 @@ def kernel_count() -> int:
     """How many of them have been compiled so far, also by other processes; 0 without numba."""
     if not has_numba():
         return 0
-    from sleepcast.simulator.simd.compiled import kept_count
+    from sleepcast.simulator.simd.compiled import compiled_count
 
-    return kept_count()
+    return compiled_count()
 
 
 def compile_kernels(scenario: Scenario) -> None:
@@ -44,9 +44,9 @@ def compile_kernels(scenario: Scenario) -> None:
     robots."""
     if not any(spec.ring for spec in scenario.each_type) or not has_numba():
         return
-    from sleepcast.simulator.simd.compiled import kept_in
+    from sleepcast.simulator.simd.compiled import compiled_in
 
-    if kept_in():
+    if compiled_in():
         return
     empty = replace(scenario, shapes=(), absent=(), events=())
     with _collector_paused():

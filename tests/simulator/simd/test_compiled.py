@@ -79,14 +79,14 @@ def test_a_kernel_is_loaded_without_what_compiling_takes_and_another_one_compile
 
 
 OTHERS = """
-from sleepcast.simulator.simd.compiled import compiled, kept_in
+from sleepcast.simulator.simd.compiled import compiled, compiled_in
 
 def adding(what):
     def add(number):
         return number + what
     return compiled(add)
 
-print(adding(1)(2), adding(2)(2), kept_in())
+print(adding(1)(2), adding(2)(2), compiled_in())
 """
 
 

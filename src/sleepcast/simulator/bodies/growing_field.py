@@ -79,7 +79,7 @@ class GrowingField:
         return amount[row, column], east, north
 
     def _slope(self, amount_at: Callable[[Whole], Floats], index: Whole, count: int, side: float) -> Floats:
-        """How the amount rises over a metre along one axis with so many cells. place: of the cells, along this axis;
+        """How the amount rises over a metre along one axis with so many cells. index: of the cells, along this axis;
         side: of the world, m."""
         if self._around == "wrap":
             return (amount_at((index + 1) % count) - amount_at((index - 1) % count)) / (2.0 * side / count)

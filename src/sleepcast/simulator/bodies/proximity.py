@@ -142,7 +142,7 @@ class Bumpers:
         self._near, self._machine, self._reach = near, machine, reach
 
     def settle(self, x: Floats, y: Floats, dx: Floats, dy: Floats, settled: Settled) -> None:
-        """Write into `settled` how far bodies at x, y (m) get along `across` and `up` (m)."""
+        """Write into `settled` how far bodies at x, y (m) get along `dx` and `dy` (m)."""
         near, listed = self._near, self._near.solids(self._reach)
         every_x, every_y, of = near.images(x, y)
         radii = self._of_each[of] if len(self._of_each) > 1 else self._of_each
@@ -234,7 +234,7 @@ def least_cell(robots: RobotSpec, size: tuple[float, float], tick: float) -> flo
 # ---- sonars
 
 AT_ONCE = 65_536
-"""Robots whose kept readings are copied at a time: bounds the temporary arrays."""
+"""Robots whose stored readings are copied at a time: bounds the temporary arrays."""
 FRONT = pi / 2
 """Sonars whose axis is at most this far from the heading count as front sonars, rad."""
 

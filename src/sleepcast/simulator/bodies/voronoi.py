@@ -30,7 +30,7 @@ def centroids(
     """Centroid x, y (m) of the cell of each robot, within a disc of `radius` (m) around it and a world of this size (m,
     infinite without edges).
 
-    x, y: where the robots are, m. robot, across, up: for each pair the index of the robot that senses a neighbour, and
+    x, y: where the robots are, m. robot, dx, dy: for each pair the index of the robot that senses a neighbour, and
     the vector to it, m.
     """
     order = np.argsort(robot, kind="stable")

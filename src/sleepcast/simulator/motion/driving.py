@@ -42,7 +42,7 @@ class Laws(NamedTuple):
     track: between the wheels, m, 0 without wheels
     slip_left, slip_right, slip_noise: see `robot_settings.Wheels`
     roam_speed: of wandering
-    kept: share of a wandering body's turn rate that remains after a tick
+    retained: share of a wandering body's turn rate that remains after a tick
     strayed: standard deviation of what a tick adds
     left, bottom, right, top: edges that no body passes
     margin: distance from them at which a body turns back, m, negative if it does not
@@ -62,7 +62,7 @@ class Laws(NamedTuple):
     slip_right: float
     slip_noise: float
     roam_speed: float
-    kept: float
+    retained: float
     strayed: float
     left: float
     bottom: float
@@ -84,7 +84,7 @@ def laws_of(scenario: Scenario) -> Laws:
     """The parameters for the robots of a scenario."""
     robots, tick = scenario.robots, scenario.tick
     limits, wheels, wander = robots.limits, robots.wheels, robots.wander
-    kept = max(0.0, 1.0 - tick / wander.steadiness)  # an Ornstein-Uhlenbeck process, one Euler step
+    retained = max(0.0, 1.0 - tick / wander.steadiness)  # an Ornstein-Uhlenbeck process, one Euler step
     margin = min(limits.speed / limits.turn_rate, 0.1 * scenario.width, 0.1 * scenario.height)
     return Laws(
         tick=tick,
@@ -98,8 +98,8 @@ def laws_of(scenario: Scenario) -> Laws:
         slip_right=wheels.slip_right if wheels else 0.0,
         slip_noise=wheels.slip_noise if wheels else 0.0,
         roam_speed=wander.speed,
-        kept=kept,
-        strayed=wander.turn_rate * sqrt(1.0 - kept * kept),
+        retained=retained,
+        strayed=wander.turn_rate * sqrt(1.0 - retained * retained),
         left=-inf if scenario.torus else 0.0,
         bottom=-inf if scenario.torus else 0.0,
         right=inf if scenario.torus else scenario.width,

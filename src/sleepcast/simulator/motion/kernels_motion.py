@@ -141,7 +141,7 @@ def want(bodies, laws, roam, room, begin, first, last):
             speed, turn = approach(laws, dx, dy, encoder_heading[i])
         elif mode[i] != DRIVE:
             drawn = float(mixed(chance[i], roam) >> U(11)) * UNIT - 0.5
-            roaming[i] = roaming[i] * laws.kept + drawn * (UNIT_SPREAD * laws.strayed)
+            roaming[i] = roaming[i] * laws.retained + drawn * (UNIT_SPREAD * laws.strayed)
             speed, turn = laws.roam_speed, roaming[i]
         moves = not held[i]
         for store in range(uses.shape[0]):

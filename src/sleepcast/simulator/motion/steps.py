@@ -151,7 +151,7 @@ def _wanted(bodies: BodyColumns, laws: Laws, draws: Draws) -> tuple[Floats, Floa
     if roams.size:
         bits = mix(bodies.chance[roams] + np.uint64(draws.roam))
         drawn = (bits >> np.uint64(11)).astype(np.float64) * UNIT - 0.5
-        bodies.roaming[roams] = bodies.roaming[roams] * laws.kept + drawn * (UNIT_SPREAD * laws.strayed)
+        bodies.roaming[roams] = bodies.roaming[roams] * laws.retained + drawn * (UNIT_SPREAD * laws.strayed)
         turn[roams] = bodies.roaming[roams]
     goes = np.flatnonzero(bodies.mode == GOTO)
     if goes.size:

@@ -153,8 +153,8 @@ def load_recording(file: Path) -> Recording:
 
 
 def _take(recording: Recording, entry: RecordedEntry, stored_bytes: dict[str, int]) -> None:
-    """Store the contents of an entry, if its topic is used here. kept: bytes that are stored, "" for all, and by
-    command, since only its last account is."""
+    """Store the contents of an entry, if its topic is used here. stored_bytes: "" for all, and by command, since only
+    its last account is stored."""
     if entry.topic in (OBSTACLES, POSTED, STATE):
         stored_bytes[""] = stored_bytes.get("", 0) + len(entry.data)
     if entry.topic == OBSTACLES:
@@ -185,7 +185,7 @@ def _tick(body: dict[str, object]) -> int:
 
 
 def entries(file: Path, recording: Recording) -> Iterator[RecordedEntry]:
-    """Every message of `file` in order, up to its end or to where it breaks off; counted in `found`."""
+    """Every message of `file` in order, up to its end or to where it breaks off; counted in `recording`."""
     topics: dict[int, str] = {}
     recording.counts, recording.complete = {}, False
     for record in _records(file):

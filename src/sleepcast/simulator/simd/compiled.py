@@ -64,13 +64,13 @@ class KernelCache(NullCache):
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The machine code for these types, None if there is none."""
-        kept = CACHE.load(self._name(sig))
-        if kept is None:
+        code = CACHE.load(self._name(sig))
+        if code is None:
             return None
         rtsys.initialize(target_context)  # no more than this: full set-up for compiling takes four times as long
-        types_kept, payload = pickle.loads(kept)
+        code_types, payload = pickle.loads(code)
         rebuild: Any = CompileResult._rebuild
-        return rebuild(target_context, *payload) if types_kept == sig else None
+        return rebuild(target_context, *payload) if code_types == sig else None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Store the machine code for these types, unless it contains addresses of this process."""
@@ -82,12 +82,12 @@ class KernelCache(NullCache):
         return f"{_identity()}-{self._function}-{sha256(repr(sig).encode()).hexdigest()[:16]}"
 
 
-def kept_in() -> Path | None:
+def compiled_in() -> Path | None:
     """The folder with kernels of these sources for this processor; None if none has been compiled yet."""
     return CACHE.holding(f"{_identity()}-")
 
 
-def kept_count() -> int:
+def compiled_count() -> int:
     """How many kernels of these sources have been compiled for this processor, by any process."""
     return CACHE.count(f"{_identity()}-")
 

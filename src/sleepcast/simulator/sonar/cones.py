@@ -165,7 +165,7 @@ def look(view: VisibleScene, which: Whole, sonars: Whole) -> Ranges:
 
 
 def _look_at(view: VisibleScene, which: Whole, sonars: Whole, seen: Floats) -> None:
-    """As `look`, for a few robots; writes into `found`."""
+    """As `look`, for a few robots; writes into `seen`."""
     cones, grid, points, listed, solids, (x, y, heading), radii = view
     assert isinstance(listed, CellLists)
     sine, cosine = sine_cosine(heading[which])

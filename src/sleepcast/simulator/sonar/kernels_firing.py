@@ -27,7 +27,7 @@ AWAY = F(1e9)
 
 @inlined
 def disc(dx, dy, ax, ay, radius, own, cosine, sine, graze, nearest):
-    """Range of a disc in a cone, or `found` if that is smaller; see `cones.disc_range`."""
+    """Range of a disc in a cone, or `nearest` if that is smaller; see `cones.disc_range`."""
     along = dx * ax + dy * ay - own
     aside = abs(dy * ax - dx * ay)
     outside, forward = aside * cosine - along * sine, along * cosine + aside * sine
@@ -42,7 +42,7 @@ def disc(dx, dy, ax, ay, radius, own, cosine, sine, graze, nearest):
 
 @inlined
 def line(dx, dy, ex, ey, length, ax, ay, own, cosine, sine, grazing, nearest):
-    """Range of a line in a cone, or `found` if that is smaller; see `cones.line_range`."""
+    """Range of a line in a cone, or `nearest` if that is smaller; see `cones.line_range`."""
     height, begin = dy * ex - dx * ey, dx * ex + dy * ey
     normal, tangent = ay * ex - ax * ey, ax * ex + ay * ey
     away = height - own * normal
@@ -64,19 +64,19 @@ def line(dx, dy, ex, ey, length, ax, ay, own, cosine, sine, grazing, nearest):
 
 
 @inlined
-def near_bodies(x, y, begin, end, fx, fy, ax, ay, cosine, sine, far, wide, kept, n):
+def near_bodies(x, y, begin, end, fx, fy, ax, ay, cosine, sine, far, wide, chosen, n):
     """Select the bodies from `begin` to `end` (exclusive), and a few more, that come near a cone at fx, fy."""
     for j in range(U(begin), U(end), U(LANES)):
         dx, dy = at(x, j) - fx, at(y, j) - fy
         along, aside = dx * ax + dy * ay, size_of(dy * ax - dx * ay)
         here = (aside * cosine - along * sine < wide) & (along < far) & (along > -wide)
-        pack(kept, n, places() + I(j), here)
+        pack(chosen, n, places() + I(j), here)
         n += how_many(here)
     return n
 
 
 @inlined
-def near_solids(x0, y0, x1, y1, breadth, w, fx, fy, ax, ay, cosine, sine, far, kept):
+def near_solids(x0, y0, x1, y1, breadth, w, fx, fy, ax, ay, cosine, sine, far, chosen):
     """Select those of w solids that come near a cone at fx, fy."""
     n = U(0)
     for j in range(U(0), w, U(LANES)):
@@ -87,7 +87,7 @@ def near_solids(x0, y0, x1, y1, breadth, w, fx, fy, ax, ay, cosine, sine, far, k
         right = least_of(minus(aside0) * cosine - along0 * sine, minus(aside1) * cosine - along1 * sine)
         here = (left < wide) & (right < wide)
         here = here & (least_of(along0, along1) < wide + far) & (most_of(along0, along1) > minus(wide))
-        pack(kept, n, places() + I(j), here)
+        pack(chosen, n, places() + I(j), here)
         n += how_many(here)
     return n
 
@@ -128,9 +128,9 @@ def fire(field, beam, shots, first_row, last_row):
     short_cos, short_sin, nothing = F(cosine), F(sine), F(most)
     margin = F(MARGIN + SHARE * (size * max(grid_columns, grid_rows) + most))
     wide, aside = F(widest) + margin, most * tangent
-    kept, room = np.empty(len(order) + LANES, I), 1024
+    chosen, room = np.empty(len(order) + LANES, I), 1024
     x0, y0, x1, y1 = np.empty(room, F), np.empty(room, F), np.empty(room, F), np.empty(room, F)
-    breadth, pieces, kept_pieces = np.empty(room, F), np.empty(room, I), np.empty(room, I)
+    breadth, pieces, chosen_pieces = np.empty(room, F), np.empty(room, I), np.empty(room, I)
     for row in range(first_row, last_row):
         for cell in range(row * grid_columns, (row + 1) * grid_columns):
             if start[cell] == start[cell + 1]:
@@ -139,7 +139,7 @@ def fire(field, beam, shots, first_row, last_row):
             if total + LANES > room:
                 room = 2 * total + LANES
                 x0, y0, x1, y1 = np.empty(room, F), np.empty(room, F), np.empty(room, F), np.empty(room, F)
-                breadth, pieces, kept_pieces = np.empty(room, F), np.empty(room, I), np.empty(room, I)
+                breadth, pieces, chosen_pieces = np.empty(room, F), np.empty(room, I), np.empty(room, I)
             w = U(0)
             for k in range(listed[cell], listed[cell + 1]):
                 s = items[k]
@@ -191,20 +191,22 @@ def fire(field, beam, shots, first_row, last_row):
                             short_sin,
                             far,
                             wide,
-                            kept,
+                            chosen,
                             n,
                         )
                     for q in range(n):
-                        j = kept[q]
+                        j = chosen[q]
                         if j != me:
                             radius = radii[0 if alike else j]
                             nearest = disc(
                                 px[j] - own_x, py[j] - own_y, ax, ay, radius, own, cosine, sine, graze, nearest
                             )
                     far = F(nearest)
-                    n = near_solids(x0, y0, x1, y1, breadth, w, fx, fy, sx, sy, short_cos, short_sin, far, kept_pieces)
+                    n = near_solids(
+                        x0, y0, x1, y1, breadth, w, fx, fy, sx, sy, short_cos, short_sin, far, chosen_pieces
+                    )
                     for q in range(n):
-                        s = pieces[kept_pieces[q]]
+                        s = pieces[chosen_pieces[q]]
                         dx, dy, radius = solids[s, 0] - own_x, solids[s, 1] - own_y, solids[s, 5]
                         if radius > 0.0:
                             nearest = disc(dx, dy, ax, ay, radius, own, cosine, sine, graze, nearest)

@@ -361,11 +361,11 @@ def keep_near(
         dx, dy = reals(at(near_x, j0) - own_x), reals(at(near_y, j0) - own_y)
         its = at(near_number, j0)
         along, sideways = dx * co + dy * si, dy * co - dx * si
-        kept = (dx * dx + dy * dy < limit) & (along > behind) & (its != me)
-        pack(ahead, n, along, kept)
-        pack(aside, n, sideways, kept)
-        pack(number, n, its + mark, kept)
-        n += how_many(kept)
+        chosen = (dx * dx + dy * dy < limit) & (along > behind) & (its != me)
+        pack(ahead, n, along, chosen)
+        pack(aside, n, sideways, chosen)
+        pack(number, n, its + mark, chosen)
+        n += how_many(chosen)
     return n
 
 

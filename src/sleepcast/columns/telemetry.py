@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.columns.evaluation import Evaluation, Programs, by_the_living
-from sleepcast.columns.machine import evaluate
 from sleepcast.columns.rows import Column, Index, Mask, Rows
 from sleepcast.columns.values import Columns
 from sleepcast.language.parts import Part, acts, walk
@@ -189,6 +188,8 @@ class TelemetryTable(ABC):
 
     def values(self, program: Program, robots: Index) -> TextValues:
         """What a program comes to on these robots, ascending, all of which have sent telemetry."""
+        from sleepcast.columns.machine import evaluate  # who only stops robots, or watches them, does not wait for it
+
         rows = Rows.of(robots)
         reported = self.ask(program, rows)
         memory = _TableMemory(self, self.latest())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sleepcast.station.failures import MOST_RULES, RuleFailures
+from sleepcast.station.failures import MAX_RULES, RuleFailures
 
 
 @pytest.mark.parametrize("body", [{}, {"rule": None}, {"rule": 7}, {"rule": ""}, {"rule": "x" * 65}, {"rule": ["r"]}])
@@ -24,8 +24,8 @@ def test_each_robot_counts_once_and_as_it_said_last() -> None:
 
 def test_so_many_rules_are_remembered_and_no_more() -> None:
     failures = RuleFailures()
-    for number in range(MOST_RULES + 9):
+    for number in range(MAX_RULES + 9):
         failures.hear(0, {"rule": f"r{number}"}, 1.0)
     failures.hear(1, {"rule": "r0"}, 2.0)
-    assert len(failures.robots) == MOST_RULES
+    assert len(failures.robots) == MAX_RULES
     assert failures.robots["r0"] == {0: 1.0, 1: 2.0}

@@ -59,7 +59,11 @@ def _steady(part: Part) -> bool:
 
 
 class Sweep:
-    """One walk through one program. rows: all robots that take part; arguments: values of an operator's parameters."""
+    """One walk through one program.
+
+    rows: all robots that take part
+    arguments: values of an operator's parameters
+    """
 
     def __init__(self, memory: Evaluation, program: Program, rows: Rows, arguments: Sequence[Column] = ()) -> None:
         self.memory = memory

@@ -20,7 +20,11 @@ STRETCH = 8 * CHUNK
 
 
 class Rows:
-    """Some robots of a fleet, in ascending order. index: what a column is indexed with. first: start of their chunk."""
+    """Some robots of a fleet, in ascending order.
+
+    index: what a column is indexed with
+    first: start of their chunk
+    """
 
     __slots__ = ("first", "index", "size")
 

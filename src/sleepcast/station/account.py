@@ -72,15 +72,17 @@ class Histogram:
 
 @dataclass(frozen=True, eq=False)
 class Account:
-    """What became of one command, names in the order of the roster. For a STOP, matched means that the robot says it
-    is stopped, and `rest` tells who of them is at rest; for a RELEASE, that it is not stopped any more; for a question,
+    """What became of one command, names in the order of the roster. For a STOP, matched means that the robot says it is
+    stopped, and `rest` tells who of them is at rest; for a RELEASE, that it is not stopped any more; for a question,
     that it has answered. held: those among the matched that were to move, and did not, because STOP holds them.
-    unknown: their test was neither true nor false. not_stored: those that a restart may make forget what they answered,
-    wherever else they are counted.
+    unknown: their test was neither true nor false. not_stored: those that a restart may make forget what they
+    answered, wherever else they are counted.
 
-    codes: by place, as in `Answers.codes`; addressed: so many of them, from the first on, count as silent.
-    heard: when each was last heard (s of the desk's clock, -inf: never). only, size, conflicts: see `Command`.
-    unit, angles: of what was asked for: in which people read it, and whether it is an angle.
+    codes: by place, as in `Answers.codes`
+    addressed: so many of them, from the first on, count as silent
+    heard: when each was last heard (s of the desk's clock, -inf: never)
+    only, size, conflicts: see `Command`
+    unit, angles: of what was asked for: in which people read it, and whether it is an angle
     """
 
     command: str
@@ -100,8 +102,8 @@ class Account:
     @cached_property
     def counts(self) -> list[int]:
         """How many robots there are of each code."""
-        found: list[int] = np.bincount(self.codes, minlength=len(OUTCOMES) + 1).tolist()
-        return found
+        counts: list[int] = np.bincount(self.codes, minlength=len(OUTCOMES) + 1).tolist()
+        return counts
 
     @property
     def n_matched(self) -> int:
@@ -292,8 +294,11 @@ class Account:
 
 
 def account(command: Command, now: float, heard: Seconds, asked: Checked | None = None) -> Account:
-    """The account of `command` at `now`. heard: when each robot was last heard (-inf: never), by place; asked: what it
-    asks for, None for what is no question."""
+    """The account of `command` at `now`.
+
+    heard: when each robot was last heard (-inf: never), by place
+    asked: what it asks for, None for what is no question
+    """
     answers = command.answers
     codes = answers.codes.copy()
     rest = command.resting if command.kind is Kind.STOP else None
@@ -302,9 +307,9 @@ def account(command: Command, now: float, heard: Seconds, asked: Checked | None 
     return Account(command.id, command.text, now, codes, command.addressed, heard.copy(), answers, *about, *quantity)
 
 
-def rest_counts(found: RestAccount) -> dict[str, object]:
+def rest_counts(rest: RestAccount) -> dict[str, object]:
     """How many have accepted a STOP and are at rest, still move, or do not tell."""
-    return {"at_rest": found.n_at_rest, "stopping": found.n_stopping, "accepted": found.n_accepted}
+    return {"at_rest": rest.n_at_rest, "stopping": rest.n_stopping, "accepted": rest.n_accepted}
 
 
 def answer_in_words(answer: Answer | None, unit: str) -> str:
@@ -320,11 +325,11 @@ def values_in_words(command: Command, account: Account) -> str:
     """The answer to a question as people read it; "" for none."""
     if command.kind != "ask":
         return ""
-    found = account.values
-    return "no value yet" if found is None else f"{found.count:,} values: {spread_in_words(found, account.unit)}"
+    summary = account.values
+    return "no value yet" if summary is None else f"{summary.count:,} values: {spread_in_words(summary, account.unit)}"
 
 
-def spread_in_words(found: ValueSummary, unit: str) -> str:
+def spread_in_words(summary: ValueSummary, unit: str) -> str:
     """`min 4.2 %, mean 50.1 %, max 97.3 %`."""
-    least, mean, greatest = (value_in_words(each, unit) for each in (found.least, found.mean, found.greatest))
+    least, mean, greatest = (value_in_words(each, unit) for each in (summary.least, summary.mean, summary.greatest))
     return f"min {least}, mean {mean}, max {greatest}"

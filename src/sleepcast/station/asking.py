@@ -100,6 +100,6 @@ def ask_why(station: NetworkStation, telemetry: TelemetryClient, robot: str, com
         look_around(station, telemetry)
     asked = telemetry.ask_why(robot, command)
     station.wait_until(lambda: telemetry.explanation(asked, robot) is not None, asked.message.issued + PATIENCE)
-    if (found := telemetry.explanation(asked, robot)) is None:
+    if (explanation := telemetry.explanation(asked, robot)) is None:
         raise SilentError(f"{robot} does not answer ({station.accounting(asked.id).ago(robot)})")
-    return found
+    return explanation

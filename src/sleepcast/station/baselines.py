@@ -45,10 +45,16 @@ class TooManyError(SleepcastError):
 
 @dataclass(slots=True)
 class Deed:
-    """What a command does, by its text. sets: names that it wholly replaces, with the kind of thing that they become,
-    "" for none; makes: those of them that it makes; forgets: those that it removes; changes: names that it may change
-    in part; needs: names whose meaning it depends on; certain: whether that is all. all: whether it depends on
-    everything before it."""
+    """What a command does, by its text.
+
+    sets: names that it wholly replaces, with the kind of thing that they become, "" for none
+    makes: those of them that it makes
+    forgets: those that it removes
+    changes: names that it may change in part
+    needs: names whose meaning it depends on
+    certain: whether that is all
+    all: whether it depends on everything before it
+    """
 
     sets: dict[str, str] = field(default_factory=dict)
     changes: set[str] = field(default_factory=set)
@@ -133,9 +139,12 @@ class BaselineProposal(NamedTuple):
 
 
 def propose(messages: Mapping[int, Message | None], refused: Collection[int] = ()) -> BaselineProposal:
-    """Which of a stream's standing commands still count. messages: by number; None for one that is not stored here any
-    more, of which nothing is known, so that it is kept with all before it. refused: numbers of those that robots did
-    not obey."""
+    """Which of a stream's standing commands still count.
+
+    messages: by number; None for one that is not stored here any more, of which nothing is known, so that it is kept
+        with all before it
+    refused: numbers of those that robots did not obey
+    """
     return _Slice(messages, refused).proposal()
 
 
@@ -154,7 +163,7 @@ class _Slice:
                 self._touching[key].append(index)
             for key, kind in deed.sets.items():
                 kinds[key] |= {kind} - {""}
-        self._unsure = {key for key, found in kinds.items() if len(found) > 1}
+        self._unsure = {key for key, each in kinds.items() if len(each) > 1}
         """Names of several kinds of things, of which a robot refuses one; and those that may have changed in part."""
         self._unsure |= {key for deed in self._deeds for key in deed.changes}
         self._kept: set[int] = set()
@@ -169,10 +178,10 @@ class _Slice:
         for deed in self._deeds:
             waiting = set() if deed.certain else set(deed.needs)
             while waiting:
-                found = inside.get(waiting.pop(), set()) - deed.needs
-                deed.needs |= found
-                deed.changes |= {each for name in found for each in (name, FLAG + name)}
-                waiting |= found
+                named = inside.get(waiting.pop(), set()) - deed.needs
+                deed.needs |= named
+                deed.changes |= {each for name in named for each in (name, FLAG + name)}
+                waiting |= named
 
     def proposal(self) -> BaselineProposal:
         for index, deed in enumerate(self._deeds):

@@ -57,10 +57,10 @@ class PeerCache:
     def _read(self) -> dict[str, float]:
         try:
             with self.file.open("rb") as opened:
-                found = msgspec.json.decode(opened.read(MAX_BYTES), type=dict[str, float])
+                times = msgspec.json.decode(opened.read(MAX_BYTES), type=dict[str, float])
         except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError):
             return {}
-        fit = [(name, time) for name, time in found.items() if 0 < len(name) <= MAX_NAME]
+        fit = [(name, time) for name, time in times.items() if 0 < len(name) <= MAX_NAME]
         return dict(fit[:MAX_ROBOTS])
 
     def _write(self, known: dict[str, float]) -> None:
@@ -83,8 +83,12 @@ MAX_AGE = 3_600.0
 
 
 class CachedTelemetry(msgspec.Struct):
-    """texts: of types and minds. tellers: name, time (s of Unix time) and telemetry of each robot. commanded: when
-    robots were last commanded, which may have changed them (s of Unix time)."""
+    """See the module.
+
+    texts: of types and minds
+    tellers: name, time (s of Unix time) and telemetry of each robot
+    commanded: when robots were last commanded, which may have changed them (s of Unix time)
+    """
 
     version: int
     texts: list[str]

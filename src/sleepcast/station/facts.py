@@ -23,9 +23,9 @@ from sleepcast.language.reader import format_literal
 from sleepcast.language.symbols import Group, Names, Operator, UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, MARKING, TICK, TIME_SLOT, Vocabulary
 
-MOST_QUANTITIES = 64
+MAX_QUANTITIES = 64
 """Variables that are looked at: as many as robots have, but not every one that somebody has taught them."""
-MOST_PROPERTIES = 128
+MAX_PROPERTIES = 128
 """Groups and areas that are looked at."""
 FINEST = 17
 """Digits with which every number can be told from every other one."""
@@ -51,8 +51,13 @@ class FactSource(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """A quantity. text: its expression. unit: of its numbers as they are written, "" for plain ones. flag: whether it
-    is 0 or 1, so that its name is a test. rank: the lower, the sooner people think of it."""
+    """A quantity.
+
+    text: its expression
+    unit: of its numbers as they are written, "" for plain ones
+    flag: whether it is 0 or 1, so that its name is a test
+    rank: the lower, the sooner people think of it
+    """
 
     text: str
     values: Values
@@ -72,8 +77,12 @@ class Property:
 
 @dataclass(frozen=True, eq=False)
 class Facts:
-    """All of them. known: robots whose telemetry is recent. place: x and y with their unit, if robots know them.
-    points: named places that robots know, each the expressions of its x and y with their values."""
+    """All of them.
+
+    known: robots whose telemetry is recent
+    place: x and y with their unit, if robots know them
+    points: named places that robots know, each the expressions of its x and y with their values
+    """
 
     known: Mask
     quantities: tuple[Measured, ...]
@@ -95,8 +104,8 @@ def facts_of(source: FactSource) -> Facts:
     quantities = tuple(_quantities(source))
     by_name = {each.text.casefold(): each for each in quantities}
     x, y = by_name.get("x"), by_name.get("y")
-    there = x is not None and y is not None and _is_length(x.unit) and _is_length(y.unit)
-    place = (x, y) if x is not None and y is not None and there else None
+    known = x is not None and y is not None and _is_length(x.unit) and _is_length(y.unit)
+    place = (x, y) if x is not None and y is not None and known else None
     ids = by_name.get("id")
     return Facts(
         source.values("0")[0] == 0.0,
@@ -113,15 +122,15 @@ def _is_length(unit: str) -> bool:
 
 
 def _quantities(source: FactSource) -> Iterator[Measured]:
-    found: list[tuple[str, str, bool, int]] = []
+    variables: list[tuple[str, str, bool, int]] = []
     for binding in source.vocabulary.bindings.values():
         if isinstance(binding, Variable) and binding.slot not in _SKIPPED:
             quantity = binding.quantity
             flag = binding.kind.value == "support" and (quantity.low, quantity.high) == (0.0, 1.0)
             near = 0 if binding.name.casefold() in ("x", "y", "id") or flag else 1
-            found.append((binding.name, quantity.shown_unit, flag, near))
-    found += [(each.name, "", False, 1) for each in _learned(source) if isinstance(each, UserVariable)]
-    for name, unit, flag, rank in found[:MOST_QUANTITIES]:
+            variables.append((binding.name, quantity.shown_unit, flag, near))
+    variables += [(each.name, "", False, 1) for each in _learned(source) if isinstance(each, UserVariable)]
+    for name, unit, flag, rank in variables[:MAX_QUANTITIES]:
         values = _values(source, name)
         if values is not None:
             yield Measured(name, values, unit, flag, rank)
@@ -134,7 +143,7 @@ def _properties(source: FactSource) -> Iterator[Property]:
             tests.append(f"(IN {each.name})")
         elif isinstance(each, Operator) and not each.parameters:
             tests.append(f"(INSIDE {each.name})")
-    for test in tests[:MOST_PROPERTIES]:
+    for test in tests[:MAX_PROPERTIES]:
         values = _values(source, test)
         if values is not None:
             yield Property(test, is_true(values))
@@ -188,8 +197,8 @@ def shortest(low: float, high: float, unit: str, *, below: bool) -> str:
     most = most if isfinite(most) else least + 4.0 * width
     top = ceil(log10(max(abs(least), abs(most), 1e-300))) + 1
     for exponent in range(top, top - FINEST - 2, -1):
-        found = [text for step in range(4) for text in _multiples(least, most, exponent - step)]
-        fitting = [text for text in found if _fits(literal(float(text), unit), low, high, below=below)]
+        texts = [text for step in range(4) for text in _multiples(least, most, exponent - step)]
+        fitting = [text for text in texts if _fits(literal(float(text), unit), low, high, below=below)]
         if fitting:
             return min(fitting, key=lambda text: (len(text), len(text.strip("-0.")), abs(float(text) - inner))) + unit
     return format_literal(low if below else high)
@@ -216,8 +225,8 @@ def _fits(value: float, low: float, high: float, *, below: bool) -> bool:
 
 def joined(tests: Iterable[str], word: str) -> str:
     """Several tests as one."""
-    found = list(tests)
-    return found[0] if len(found) == 1 else f"({word} {' '.join(found)})"
+    given = list(tests)
+    return given[0] if len(given) == 1 else f"({word} {' '.join(given)})"
 
 
 def listed(ids: Sequence[int], together: int) -> str:

@@ -10,7 +10,7 @@ from sleepcast.channel.message import MAX_NAME, RULE
 if TYPE_CHECKING:
     from sleepcast.station.remote import RemoteMind
 
-MOST_RULES = 256
+MAX_RULES = 256
 """Rules that are remembered: as many as a robot has; of further ones nothing is known."""
 
 
@@ -28,14 +28,17 @@ class RuleFailures:
         if not isinstance(name, str) or not 0 < len(name) <= MAX_NAME:
             return
         key = name.casefold()
-        if key not in self.robots and len(self.robots) >= MOST_RULES:
+        if key not in self.robots and len(self.robots) >= MAX_RULES:
             return
         self.names[key] = name
         self.robots.setdefault(key, {})[place] = now
 
     def left(self, robots: Sequence[str], minds: Mapping[str, RemoteMind]) -> Iterator[tuple[str, list[int]]]:
-        """The key of each rule that is still deactivated on any robot, and their places, ascending. robots: their
-        names by place; minds: what their telemetry says, which ends it where it is of later and says so."""
+        """The key of each rule that is still deactivated on any robot, and their places, ascending.
+
+        robots: their names by place
+        minds: what their telemetry says, which ends it where it is of later and says so
+        """
         for key, reported in self.robots.items():
             there = [place for place, heard in reported.items() if _holds(minds.get(robots[place]), key, heard)]
             if there:

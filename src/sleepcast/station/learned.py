@@ -113,9 +113,9 @@ class LearnedPrograms:
 
     def declared(self, key: str) -> Declared | None:
         """What is learned under a key; what else it uses is of no interest to who does not store anything."""
-        found = self._learned.sort(key, lambda: frozenset())
+        declared = self._learned.sort(key, lambda: frozenset())
         slot = self.vocabulary.user_slots.get(key)
-        return UserVariable(key, slot) if found is None and slot is not None else found
+        return UserVariable(key, slot) if declared is None and slot is not None else declared
 
     def heard(self) -> Iterable[str]:
         return self._learned.names

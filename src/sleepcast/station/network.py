@@ -101,8 +101,12 @@ MAX_NEWS = 100
 
 @dataclass(slots=True)
 class KnownStop:
-    """A STOP of somebody else. since: when it was there, s; holds: whether a robot told that it holds it; released: how
-    often we have named it in a RELEASE."""
+    """A STOP of somebody else.
+
+    since: when it was there, s
+    holds: whether a robot told that it holds it
+    released: how often we have named it in a RELEASE
+    """
 
     mark: StopMark
     since: float
@@ -112,8 +116,10 @@ class KnownStop:
 
 @dataclass(frozen=True, slots=True)
 class Poll:
-    """What robots said themselves of whether they would obey a text (YES, NO, UNDECIDED), by their names. asked, taken:
-    when they were asked, and the last of them had answered, s of Unix time."""
+    """What robots said themselves of whether they would obey a text (YES, NO, UNDECIDED), by their names.
+
+    asked, taken: when they were asked, and the last of them had answered, s of Unix time
+    """
 
     text: str = ""
     asked: float = -inf
@@ -138,10 +144,14 @@ class RoleError(MisuseError):
 
 
 class NetworkStation(Station):
-    """See the module. session: the way onto the air, whose times are those of `clock` (Unix time, s). heard: when
-    robots were heard before (`PeerCache`). expected: which robots there are, heard or not. within: s for answers,
-    None: by the roster. holding: whether robots that are driven at our word are to go on. news: messages of other
-    operators, the latest last.
+    """See the module.
+
+    session: the way onto the air, whose times are those of `clock` (Unix time, s)
+    heard: when robots were heard before (`PeerCache`)
+    expected: which robots there are, heard or not
+    within: s for answers, None: by the roster
+    holding: whether robots that are driven at our word are to go on
+    news: messages of other operators, the latest last
 
     Its owner calls `pump` or `wait`; nothing happens otherwise.
     """
@@ -213,9 +223,9 @@ class NetworkStation(Station):
     def _draft(self, text: str, terms: Terms) -> Draft:
         """As every station; raises RoleError for what our key may not send, too."""
         self._validate_role(Kind.COMMAND, terms.standing)
-        found = super()._draft(text, terms)
-        self._validate_role(Kind.COMMAND, rules(found.program.root))
-        return found
+        draft = super()._draft(text, terms)
+        self._validate_role(Kind.COMMAND, rules(draft.program.root))
+        return draft
 
     def renewed(self, draft: Draft) -> Draft:
         """The same draft, checked anew if other names count by now. Raises what `draft` raises."""
@@ -266,13 +276,13 @@ class NetworkStation(Station):
 
     def check(self, text: str, *, only: Sequence[str] | None = None, anyway: bool = False) -> Checked:
         """See `Station`; of robots that differ, those decide that are there, and that it is for (`whose_names`)."""
-        found = super().check(text)
+        checked = super().check(text)
         if isinstance(self._minds, RemoteMinds):
-            if found.errors:
-                found = check_for(found, self._minds, self.present(only), anyway=anyway)
+            if checked.errors:
+                checked = check_for(checked, self._minds, self.present(only), anyway=anyway)
             if _has_new_form(text):
-                doubt_forms(found, self._minds, self.present(only))
-        return found
+                doubt_forms(checked, self._minds, self.present(only))
+        return checked
 
     def present(self, only: Sequence[str] | None = None) -> list[str]:
         """The robots, of these or of all, that this desk itself has heard a short while ago."""
@@ -307,18 +317,18 @@ class NetworkStation(Station):
 
     def _preview(self, program: Program) -> Preview:
         """As every station; whether a name obeys that several robots have, nobody can say."""
-        found, shared = super()._preview(program), self._shared.places(self._clock.now())
-        return found.without(shared[shared < len(found.codes)], SHARED) if len(shared) else found
+        preview, shared = super()._preview(program), self._shared.places(self._clock.now())
+        return preview.without(shared[shared < len(preview.codes)], SHARED) if len(shared) else preview
 
     def _decided(self, codes: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
         polled = self._polled
         if text != polled.text or self.now - polled.taken > self.stale_after:
             return codes
-        found, current = codes.copy(), self.commanded.of(len(codes)) <= polled.asked
+        decided, current = codes.copy(), self.commanded.of(len(codes)) <= polled.asked
         for place in np.flatnonzero((codes == UNKNOWN) & current).tolist():
             if (code := polled.said.get(self._roster.names[place])) is not None:
-                found[place] = code
-        return found
+                decided[place] = code
+        return decided
 
     def stop(self) -> Command:
         """As every station: it leaves at once."""
@@ -492,10 +502,10 @@ class NetworkStation(Station):
 
     def values(self, text: str, places: Index | None = None) -> tuple[NDArray[np.float64], RobotNames]:
         """As every station; a name has no value that several robots have."""
-        found, asked = super().values(text, places)
+        values, asked = super().values(text, places)
         shared = self._shared.places(self._clock.now())
-        found[np.isin(np.arange(len(found)) if places is None else places, shared)] = nan
-        return found, RobotNames(self._roster.names, np.setdiff1d(asked.places, shared))
+        values[np.isin(np.arange(len(values)) if places is None else places, shared)] = nan
+        return values, RobotNames(self._roster.names, np.setdiff1d(asked.places, shared))
 
     @property
     def shared_names(self) -> frozenset[str]:
@@ -547,9 +557,9 @@ class NetworkStation(Station):
     def notices(self) -> list[str]:
         """What is going on that a person should know of, as sentences: names that several robots have, clocks that are
         wrong, forgeries, keys that nobody trusts."""
-        admission, found = self.session.delivery.admission, self._shared.sentences(self._clock.now())
+        admission, sentences = self.session.delivery.admission, self._shared.sentences(self._clock.now())
         return (
-            found
+            sentences
             + self.clocks.of_robots(DEADLINE)
             + [notice.text for notice in admission.drops.notices(admission.trust)]
         )
@@ -605,10 +615,10 @@ class NetworkStation(Station):
 
     def _note_account(self, command: Command) -> None:
         if not command.is_look:
-            found = account(command, self._clock.now(), self._roster.heard)
+            counted = account(command, self._clock.now(), self._roster.heard)
             silent = RobotNames(self._roster.names, np.flatnonzero(command.silent))
-            details = {f"n_{sort}": getattr(found, f"n_{sort}") for sort in COUNTED} | {"silent": silent}
-            details |= {"n_not_stored": found.n_not_stored} if found.n_not_stored else {}
+            details = {f"n_{sort}": getattr(counted, f"n_{sort}") for sort in COUNTED} | {"silent": silent}
+            details |= {"n_not_stored": counted.n_not_stored} if counted.n_not_stored else {}
             self._note(JournalEvent.ACCOUNTED, subject=command.id, text=command.text, details=details)
 
     def _drives(self) -> bool:

@@ -47,9 +47,14 @@ GOOD_FOR = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """How a command is meant. standing, deadline: see `Station.send`. everybody: all robots, as the sender has said.
-    anyway: the sender insists, so robots' names refuse nothing. undecided: even if its test is unknown on all robots.
-    strange: even if no robot has a name in it."""
+    """How a command is meant.
+
+    standing, deadline: see `Station.send`
+    everybody: all robots, as the sender has said
+    anyway: the sender insists, so robots' names refuse nothing
+    undecided: even if its test is unknown on all robots
+    strange: even if no robot has a name in it
+    """
 
     standing: bool = False
     deadline: float | None = None
@@ -67,9 +72,11 @@ ONCE = Terms()
 class Draft:
     """A command that was read and checked, and could be sent to somebody.
 
-    program: of the text. seconds: for which it is good. vocabulary: the fleet's names, in whose slots it was checked.
-    meanings: what robots had learned then under the names in it. names: changes when other names count than those in
-    which it was checked.
+    program: of the text
+    seconds: for which it is good
+    vocabulary: the fleet's names, in whose slots it was checked
+    meanings: what robots had learned then under the names in it
+    names: changes when other names count than those in which it was checked
     """
 
     checked: Checked
@@ -91,9 +98,11 @@ class Draft:
 
 
 class Forecast(NamedTuple):
-    """Robots that will obey for certain, that will not, and of which the desk cannot say. nameless: how many others
-    are expected that were never heard, whose decision is unknown. undecided: those that will not obey, as the test has
-    no known value there."""
+    """Robots that will obey for certain, that will not, and of which the desk cannot say.
+
+    nameless: how many others are expected that were never heard, whose decision is unknown
+    undecided: those that will not obey, as the test has no known value there
+    """
 
     yes: Sequence[str]
     no: Sequence[str]
@@ -111,9 +120,13 @@ class Forecast(NamedTuple):
 class Prepared:
     """A command with who would obey it, before its sender has answered what is asked of him.
 
-    preview: of all robots. codes: of those whom it is for, see `Preview`; places: theirs, None for all. nameless: how
-    many it is for that were never heard. unknown: names in it that no robot has, of so many robots that have told all
-    of theirs (`informed`). at: when it was foreseen, s of the desk's clock; state: of the desk then.
+    preview: of all robots
+    codes: of those whom it is for, see `Preview`
+    places: theirs, None for all
+    nameless: how many it is for that were never heard
+    unknown: names in it that no robot has, of so many robots that have told all of theirs (`informed`)
+    at: when it was foreseen, s of the desk's clock
+    state: of the desk then
     """
 
     draft: Draft
@@ -136,8 +149,8 @@ class Prepared:
         return RobotNames(self.preview.names, self._places(code))
 
     def _places(self, code: int) -> Index:
-        found = np.flatnonzero(self.codes == code)
-        return found if self.places is None else self.places[found]
+        places = np.flatnonzero(self.codes == code)
+        return places if self.places is None else self.places[places]
 
     @property
     def expected(self) -> Index:

@@ -85,8 +85,12 @@ class TelemetryRequest(NamedTuple):
 
 @dataclass(slots=True)
 class _Asked:
-    """A digest that was asked for. pauses: between two requests; due: when the next one may follow, s; times: how often
-    it was asked for."""
+    """A digest that was asked for.
+
+    pauses: between two requests
+    due: when the next one may follow, s
+    times: how often it was asked for
+    """
 
     pauses: Backoff
     due: float = -inf
@@ -198,12 +202,12 @@ class RemoteMind(SharesSymbols):
         """Every variable that its type has, by name, and those of its own."""
         vocabulary = self._minds.vocabulary
         own = self._minds.types.get(self.telemetry.type, vocabulary).bindings
-        found = [
+        declared = [
             (binding.name, self.values[binding.slot])
             for key, binding in vocabulary.bindings.items()
             if isinstance(binding, Variable) and key in own
         ]
-        return found + [
+        return declared + [
             (name, self.values[slot])
             for name in self.telemetry.user
             if (slot := vocabulary.user_slots.get(name.casefold())) is not None
@@ -280,7 +284,7 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         slot = self.vocabulary.user_slots.get(key)
         if slot is not None:
             return UserVariable(key, slot)
-        return next((found for mind in self._minds.values() if (found := mind.known(key)) is not None), None)
+        return next((known for mind in self._minds.values() if (known := mind.known(key)) is not None), None)
 
     def heard(self) -> Iterable[str]:
         """Every name that any robot has learned, as written."""
@@ -293,15 +297,15 @@ class RemoteMinds(Mapping[str, RemoteMind]):
 
     def standing(self) -> str:
         """Robots that stand although there may have been no STOP, and why, in a sentence; "" if there are none."""
-        found: dict[str, list[str]] = {}
+        of_reason: dict[str, list[str]] = {}
         for name in sorted(self._minds, key=natural_order):
             if doubt := self._minds[name].doubt:
-                found.setdefault(doubt, []).append(printable(name))
+                of_reason.setdefault(doubt, []).append(printable(name))
         reasons = (
             f"{', '.join(names[:FEW])}{f' and {len(names) - FEW} more' if len(names) > FEW else ''} ({doubt})"
-            for doubt, names in islice(found.items(), FEW)
+            for doubt, names in islice(of_reason.items(), FEW)
         )
-        return f"stopped until RELEASE: {'; '.join(reasons)}" if found else ""
+        return f"stopped until RELEASE: {'; '.join(reasons)}" if of_reason else ""
 
     def texts(self) -> list[str]:
         """The texts of types and minds, those of types first."""
@@ -326,8 +330,8 @@ class RemoteMinds(Mapping[str, RemoteMind]):
 
     def _is_of_another(self, message: Message, telemetry: TelemetryRecord, now: float) -> bool:
         """Whether another robot has the same name that is shown already: a robot does not jump to and fro."""
-        found = () if self.conflicts is None else self.conflicts.holders(message.sender, now)
-        epochs, mind = {each.epoch for each in found if each.contested}, self._minds.get(message.sender)
+        holders = () if self.conflicts is None else self.conflicts.holders(message.sender, now)
+        epochs, mind = {each.epoch for each in holders if each.contested}, self._minds.get(message.sender)
         if mind is None or self._shown.get(message.sender) not in epochs:
             self._shown[message.sender] = message.epoch
             if len(self._shown) > MAX_TELLERS:
@@ -393,15 +397,15 @@ class RemoteMinds(Mapping[str, RemoteMind]):
             _user_slot(key, self.vocabulary)
         for name in [name for name, mind in self._minds.items() if mind.telemetry.type in self.refused]:
             self._waiting[name] = self._minds.pop(name)
-        found = list(self._minds.values())
-        for mind in found:
+        moved = list(self._minds.values())
+        for mind in moved:
             mind.place(self._fitted[mind.telemetry.type], self.vocabulary)
         for mind in [mind for mind in self._waiting.values() if mind.telemetry.type in self._fitted]:
             try:
-                found += self._take_telemetry(mind.name, mind.telemetry, mind.reported_at)
+                moved += self._take_telemetry(mind.name, mind.telemetry, mind.reported_at)
             except TelemetryError:
                 self.malformed += 1
-        return found
+        return moved
 
     # ---- what is missing
 
@@ -413,7 +417,7 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         )
         minds = ((m.telemetry.mind, m.name) for m in self._minds.values() if m.telemetry.mind not in self._learned)
         asked = ((Inspection.VOCABULARY, types), (Inspection.MIND, minds))
-        return [TelemetryRequest(look, found) for look, lacking in asked if (found := self._chosen(lacking, now))]
+        return [TelemetryRequest(look, robots) for look, lacking in asked if (robots := self._chosen(lacking, now))]
 
     def _chosen(self, lacking: Iterable[tuple[Digest, str]], now: float) -> list[str]:
         """Robots to be asked for these digests, another one each time."""
@@ -421,14 +425,14 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         for which, name in lacking:
             tellers.setdefault(which, []).append(name)
         due = [which for which in tellers if which not in self._asked or self._asked[which].due <= now]
-        found = []
+        chosen = []
         for which in due[:AT_ONCE]:
             asked = self._asked.setdefault(which, _Asked(Backoff(ASK_AGAIN, MAX_WAIT)))
-            found.append(tellers[which][asked.times % len(tellers[which])])
+            chosen.append(tellers[which][asked.times % len(tellers[which])])
             asked.due, asked.times = now + asked.pauses.take(), asked.times + 1
         while len(self._asked) > MAX_ASKED:
             self._asked.popitem(last=False)
-        return found
+        return chosen
 
 
 def _names_in(telemetry: TelemetryRecord) -> object:
@@ -504,23 +508,23 @@ class TelemetryClient:
     def ask_why(self, robot: str, command: str | None) -> Command:
         """Ask a robot how it evaluated a command (its id), what a rule (its name) would do, or, for None, how the last
         command went. Raises UnknownRobotError."""
-        found = self._ask({LOOK: Inspection.WHY} | ({} if command is None else {OF: command}), [robot])
-        self._whys[found.id, robot] = None
+        question = self._ask({LOOK: Inspection.WHY} | ({} if command is None else {OF: command}), [robot])
+        self._whys[question.id, robot] = None
         if len(self._whys) > MAX_LOOKS:
             self._whys.popitem(last=False)
-        return found
+        return question
 
     def explanation(self, asked: Command, robot: str) -> Explanation | None:
         """What the robot said to that question, with the units in which people here read its values; None while nothing
         has come. Raises SleepcastError for what it said it cannot tell. One of version 0.2.0 does not say here that
         STOP held it; its answer to the command did."""
-        found = self._whys.get((asked.id, robot))
-        if isinstance(found, SleepcastError):
-            raise found
-        if found is None:
+        explained = self._whys.get((asked.id, robot))
+        if isinstance(explained, SleepcastError):
+            raise explained
+        if explained is None:
             return None
-        held = found.held or self._station.is_held(robot, found.command)
-        return replace(found, held=held, root=with_units(found.root, partial(self._program, robot)))
+        held = explained.held or self._station.is_held(robot, explained.command)
+        return replace(explained, held=held, root=with_units(explained.root, partial(self._program, robot)))
 
     def _program(self, robot: str, text: str) -> Program | None:
         """The program of a text that this robot sent, None for one that cannot be read: a long one has lost its end."""

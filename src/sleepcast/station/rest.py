@@ -138,8 +138,10 @@ class RestAccount:
     def farthest(self, most: int) -> dict[str, RestState]:
         """Those that may go farthest, at most so many, unknown ones first."""
         order = np.argsort(-np.where(np.isnan(self.distances), inf, self.distances), kind="stable")[:most]
-        found = [(self.names[int(self.moving[at])], float(self.speeds[at]), float(self.distances[at])) for at in order]
-        return {name: RestState(speed, distance) for name, speed, distance in sorted(found, key=_by_name)}
+        soonest = [
+            (self.names[int(self.moving[at])], float(self.speeds[at]), float(self.distances[at])) for at in order
+        ]
+        return {name: RestState(speed, distance) for name, speed, distance in sorted(soonest, key=_by_name)}
 
     def soonest(self, most: int) -> list[str]:
         """Those that may be at rest first, at most so many."""
@@ -149,8 +151,8 @@ class RestAccount:
     @cached_property
     def _seconds(self) -> Seconds:
         """How long each takes until it is at rest, if it brakes evenly, s; 0 where nobody knows."""
-        found: Seconds = np.nan_to_num(2.0 * self.distances / np.where(self.speeds > 0.0, self.speeds, nan))
-        return found
+        seconds: Seconds = np.nan_to_num(2.0 * self.distances / np.where(self.speeds > 0.0, self.speeds, nan))
+        return seconds
 
     @property
     def next_at_rest(self) -> float:
@@ -171,9 +173,9 @@ class RestAccount:
         """Those that still move: the farthest ones by name, the others counted."""
         units = _units(vocabulary)
         named = self.farthest(most)
-        found = [f"{name} ({state_in_words(state, *units)})" for name, state in named.items()]
+        sentences = [f"{name} ({state_in_words(state, *units)})" for name, state in named.items()]
         more = self.n_stopping - len(named)
-        return printable(", ".join(found + ([f"and {more:,} more"] if more else [])))
+        return printable(", ".join(sentences + ([f"and {more:,} more"] if more else [])))
 
 
 def state_in_words(state: RestState, speed_unit: str, length_unit: str) -> str:
@@ -197,8 +199,8 @@ def _units(vocabulary: Vocabulary) -> tuple[str, str]:
     return unit_of("speed", vocabulary) or "m/s", unit_of("x", vocabulary) or "m"
 
 
-def _by_name(found: tuple[str, float, float]) -> list[tuple[int, str]]:
-    return natural_order(found[0])
+def _by_name(moving: tuple[str, float, float]) -> list[tuple[int, str]]:
+    return natural_order(moving[0])
 
 
 # ---- on the air: those are asked that still moved
@@ -218,17 +220,21 @@ class RestWatch:
     def __init__(self) -> None:
         self._stop, self.due = "", inf
 
-    def wanted(self, stop: str, accepted: float, found: RestAccount, now: float) -> Sequence[str]:
-        """Whom to ask now. stop: id of the STOP that holds; accepted: when the last robot accepted it, s; found: what
-        is known since."""
+    def wanted(self, stop: str, accepted: float, rest: RestAccount, now: float) -> Sequence[str]:
+        """Whom to ask now.
+
+        stop: id of the STOP that holds
+        accepted: when the last robot accepted it, s
+        rest: what is known since
+        """
         if stop != self._stop:
             self._stop, self.due = stop, now + LOOK_EVERY
-        if not found.n_stopping or now > accepted + REST_SECONDS:
+        if not rest.n_stopping or now > accepted + REST_SECONDS:
             self.due = inf
             return ()
         if self.due == inf:
             self.due = now + LOOK_EVERY
         if now < self.due:
             return ()
-        self.due = now + min(max(found.next_at_rest, LOOK_EVERY), LOOK_SELDOM)
-        return found.soonest(MAX_LOOKED_AT)
+        self.due = now + min(max(rest.next_at_rest, LOOK_EVERY), LOOK_SELDOM)
+        return rest.soonest(MAX_LOOKED_AT)

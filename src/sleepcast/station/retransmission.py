@@ -37,9 +37,14 @@ LATCHING = frozenset({Kind.STOP, Kind.RELEASE})
 
 
 class Retransmission:
-    """Of one desk. delivery: where messages leave; sent, roster: the desk's own. within: seconds over which so many
-    robots are to spread their answers. note: called with each command of which something is sent again; over: with each
-    that has timed out."""
+    """Of one desk.
+
+    delivery: where messages leave
+    sent, roster: the desk's own
+    within: seconds over which so many robots are to spread their answers
+    note: called with each command of which something is sent again
+    over: with each that has timed out
+    """
 
     def __init__(
         self,

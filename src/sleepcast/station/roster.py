@@ -85,10 +85,10 @@ class Roster:
 
     def place(self, name: str) -> int:
         """The place of a robot. Raises UnknownRobotError."""
-        found = self.names.index_of(name)
-        if found is None:
+        place = self.names.index_of(name)
+        if place is None:
             raise UnknownRobotError(name, self.names)
-        return found
+        return place
 
     def enrol(self, name: str) -> int | None:
         """The place of a robot, a new one if need be; None if the roster is full."""
@@ -183,11 +183,11 @@ class Expectation:
     @classmethod
     def of(cls, names: Iterable[str]) -> Expectation:
         """Just these robots. Raises ExpectationError for what is no name, and for more than a roster takes."""
-        found = tuple(dict.fromkeys(names))
-        for name in found:
+        given = tuple(dict.fromkeys(names))
+        for name in given:
             if not is_robot_name(name):
                 raise ExpectationError(f"{name!r:.80} names no robot: wanted 1 to {MAX_NAME} characters without blanks")
-        return cls(found, _sized(len(found)))
+        return cls(given, _sized(len(given)))
 
     def __bool__(self) -> bool:
         return self.size > 0
@@ -234,19 +234,19 @@ class FleetFile:
     def read(self) -> Expectation:
         """The stored expectation. Raises ExpectationError for a file that cannot be used."""
         try:
-            found = msgspec.json.decode(_read(self.file), type=FleetRecord)
+            record = msgspec.json.decode(_read(self.file), type=FleetRecord)
         except FileNotFoundError:
             return NOBODY_SAID
         except OSError as error:
             raise ExpectationError(f"cannot read {self.file}: {error.strerror or error}; {self._mend}") from None
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             raise ExpectationError(f"{self.file} is not a fleet file ({error}): {self._mend}") from None
-        if found.format != FORMAT or len(found.names) > max(0, found.size):
+        if record.format != FORMAT or len(record.names) > max(0, record.size):
             raise ExpectationError(
-                f"{self.file} has format {found.format} and {len(found.names)} names of {found.size} robots, which "
+                f"{self.file} has format {record.format} and {len(record.names)} names of {record.size} robots, which "
                 f"this version of sleepcast does not read: {self._mend}"
             )
-        return Expectation(Expectation.of(found.names).names if found.names else (), _sized(found.size))
+        return Expectation(Expectation.of(record.names).names if record.names else (), _sized(record.size))
 
     def write(self, expected: Expectation) -> None:
         """Keep this. Raises FleetFileLostError; the file is then as it was."""
@@ -311,8 +311,8 @@ class CommandedTimes:
 
     def of(self, count: int) -> Seconds:
         """Of the first robots on the roster, so many of them: when each was commanded last, -inf for never."""
-        found = np.full(count, self._all)
+        times = np.full(count, self._all)
         for place, time in self._some.items():
             if place < count:
-                found[place] = time
-        return found
+                times[place] = time
+        return times

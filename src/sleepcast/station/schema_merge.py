@@ -42,40 +42,44 @@ class SlotMap:
 def merge_schemas(types: Mapping[Key, Vocabulary]) -> tuple[Vocabulary, dict[Key, SlotMap], dict[Key, str]]:
     """The vocabulary of a fleet of these types, where the numbers of each belong, and why others are left out."""
     refused = _refused(types)
-    kept = {key: found for key, found in types.items() if key not in refused}
+    kept = {key: of_type for key, of_type in types.items() if key not in refused}
     alike = _alike(kept.values())
-    apart = [c for found in kept.values() for c in found.constants if c.name.casefold() not in alike]
+    apart = [c for of_type in kept.values() for c in of_type.constants if c.name.casefold() not in alike]
     numbers = [Quantity(constant.name, doc=constant.doc) for constant in apart]
-    actuators = _widest(quantity for found in kept.values() for quantity in found.actuators)
-    sensors = _widest([*(quantity for found in kept.values() for quantity in found.sensors), *numbers])
+    actuators = _widest(quantity for of_type in kept.values() for quantity in of_type.actuators)
+    sensors = _widest([*(quantity for of_type in kept.values() for quantity in of_type.sensors), *numbers])
     vocabulary = Vocabulary(
-        " and ".join(dict.fromkeys(found.name for found in kept.values())) or "robot",
+        " and ".join(dict.fromkeys(of_type.name for of_type in kept.values())) or "robot",
         tuple(quantity for key, quantity in sensors.items() if key not in actuators),
         tuple(actuators.values()),
         constants=tuple(alike.values()),
-        functions=tuple(_functions(found for each in kept.values() for found in each.functions)),
+        functions=tuple(_functions(function for each in kept.values() for function in each.functions)),
     )
-    return vocabulary, {key: _fitted(found, vocabulary) for key, found in kept.items()}, refused
+    return (
+        vocabulary,
+        {key: _fitted(of_type, vocabulary) for key, of_type in kept.items()},
+        refused,
+    )
 
 
 def _refused(types: Mapping[Key, Vocabulary]) -> dict[Key, str]:
     """The types that have a number under the name that an earlier type has for a function, or the other way round."""
-    sorts: dict[str, tuple[bool, str]] = {}
+    kinds: dict[str, tuple[bool, str]] = {}
     refused: dict[Key, str] = {}
-    for key, found in types.items():
-        own = {name: isinstance(binding, HostFunction) for name, binding in found.bindings.items()}
+    for key, vocabulary in types.items():
+        own = {name: isinstance(binding, HostFunction) for name, binding in vocabulary.bindings.items()}
         for name, is_function in own.items():
-            if name in sorts and sorts[name][0] is not is_function:
+            if name in kinds and kinds[name][0] is not is_function:
                 what = ("number", "function")
-                refused[key] = f"{name} is a {what[is_function]} here and a {what[not is_function]} of {sorts[name][1]}"
+                refused[key] = f"{name} is a {what[is_function]} here and a {what[not is_function]} of {kinds[name][1]}"
         if key not in refused:
-            sorts |= {name: (is_function, found.name) for name, is_function in own.items() if name not in sorts}
+            kinds |= {name: (is_function, vocabulary.name) for name, is_function in own.items() if name not in kinds}
     return refused
 
 
 def _alike(types: Iterable[Vocabulary]) -> dict[str, Constant]:
     """The constants that all types have with one value."""
-    each = [{constant.name.casefold(): constant for constant in found.constants} for found in types]
+    each = [{constant.name.casefold(): constant for constant in vocabulary.constants} for vocabulary in types]
     first = each[0] if each else {}
     return {
         key: constant
@@ -86,35 +90,35 @@ def _alike(types: Iterable[Vocabulary]) -> dict[str, Constant]:
 
 def _widest(quantities: Iterable[Quantity]) -> dict[str, Quantity]:
     """Quantities by key, each once, with the widest range that any type has for it."""
-    found: dict[str, Quantity] = {}
+    widest: dict[str, Quantity] = {}
     for quantity in quantities:
         key = quantity.name.casefold()
-        one = found.setdefault(key, quantity)
-        found[key] = replace(one, low=min(one.low, quantity.low), high=max(one.high, quantity.high))
-    return found
+        one = widest.setdefault(key, quantity)
+        widest[key] = replace(one, low=min(one.low, quantity.low), high=max(one.high, quantity.high))
+    return widest
 
 
 def _functions(functions: Iterable[HostFunction]) -> Iterable[HostFunction]:
     """Functions, each once; of different shapes under one name, whatever any type takes."""
-    found: dict[str, HostFunction] = {}
+    united: dict[str, HostFunction] = {}
     for function in functions:
         key = function.name.casefold()
-        one = found.setdefault(key, function)
+        one = united.setdefault(key, function)
         if one.dimensions != function.dimensions or _least(one) != _least(function):
             most = max(len(one.dimensions), len(function.dimensions))
             least = min(_least(one), _least(function))
-            found[key] = replace(one, dimensions=(None,) * most, least=least)
+            united[key] = replace(one, dimensions=(None,) * most, least=least)
         acts, for_good = one.acts or function.acts, one.irreversible or function.irreversible
-        found[key] = replace(found[key], acts=acts, irreversible=for_good)
-    return found.values()
+        united[key] = replace(united[key], acts=acts, irreversible=for_good)
+    return united.values()
 
 
 def _least(function: HostFunction) -> int:
     return len(function.dimensions) if function.least is None else function.least
 
 
-def _fitted(found: Vocabulary, vocabulary: Vocabulary) -> SlotMap:
+def _fitted(own: Vocabulary, vocabulary: Vocabulary) -> SlotMap:
     slots = {key: binding.slot for key, binding in vocabulary.bindings.items() if isinstance(binding, Variable)}
-    named = [slots[quantity.name.casefold()] for quantity in (*found.sensors, *found.actuators)]
-    fixed = {slots[key]: c.value for c in found.constants if (key := c.name.casefold()) in slots}
+    named = [slots[quantity.name.casefold()] for quantity in (*own.sensors, *own.actuators)]
+    fixed = {slots[key]: c.value for c in own.constants if (key := c.name.casefold()) in slots}
     return SlotMap((*NUMBERED, *named), fixed)

@@ -25,23 +25,23 @@ from sleepcast.language.functions import MANY
 from sleepcast.language.reader import MAX_TEXT
 from sleepcast.station.facts import Facts, Mask, Measured, Values, joined, listed, literal, rounded, shortest
 
-MOST_CONDITIONS = 3
+MAX_CONDITIONS = 3
 """Conditions in one test: people do not read longer ones at a glance."""
-MOST_TRIED = 4_000
+MAX_TRIED = 4_000
 """Combinations of each size that are looked at."""
-MOST_PATTERNS = 256
+MAX_PATTERNS = 256
 """Robots that are looked at one by one, those that the fewest conditions exclude."""
-MOST_WRITTEN = 300
+MAX_WRITTEN = 300
 """Combinations whose numbers are written out, the most promising first."""
-MOST_FOUND = 3
+MAX_FOUND = 3
 """Tests that are given: the shortest, and others to choose from."""
-MOST_LISTED = 1_000
+MAX_LISTED = 1_000
 """Robots that are named one by one: more do not fit into one message."""
 ROUNDINGS = 6
 """Steps of a tenth in which the middle of the chosen robots is rounded, from coarse to fine."""
-MOST_HELPERS = 12
+MAX_HELPERS = 12
 """Conditions, those that exclude most, with which a distance from the middle is tried together."""
-MOST_MOVES = 200
+MAX_MOVES = 200
 """Steps in which the middle of the chosen robots is looked for."""
 
 
@@ -58,9 +58,14 @@ class Selection:
 
 @dataclass(frozen=True, eq=False)
 class Criterion:
-    """Something that holds for all chosen robots. excludes: of the others, those for whom it does not hold at its
-    tightest. length: characters at least. text: where it has no number, else "". values: of the others; low, high:
-    least and greatest of the chosen ones, infinite where there is no such bound."""
+    """Something that holds for all chosen robots.
+
+    excludes: of the others, those for whom it does not hold at its tightest
+    length: characters at least
+    text: where it has no number, else ""
+    values: of the others
+    low, high: least and greatest of the chosen ones, infinite where there is no such bound
+    """
 
     excludes: Mask
     length: int
@@ -108,20 +113,20 @@ def select(facts: Facts, chosen: Mask) -> Selection:
     names = _listed(facts, chosen)
     if not others.any():
         return Selection(("TRUE",), names)
-    found = {text: (len(text), 0) for text in _by_number(facts, chosen, others, names)}
+    tests = {text: (len(text), 0) for text in _by_number(facts, chosen, others, names)}
     for cover in _promising(_conditions(facts, chosen, others)):
-        if len(found) >= MOST_FOUND and _least(cover) > sorted(found.values())[MOST_FOUND - 1][0]:
+        if len(tests) >= MAX_FOUND and _least(cover) > sorted(tests.values())[MAX_FOUND - 1][0]:
             break
         text = _write(cover)
-        found[text] = (len(text), sum(each.rank for each in cover))
-    return Selection(tuple(sorted(found, key=lambda text: found[text])[:MOST_FOUND]), names)
+        tests[text] = (len(text), sum(each.rank for each in cover))
+    return Selection(tuple(sorted(tests, key=lambda text: tests[text])[:MAX_FOUND]), names)
 
 
 def _by_number(facts: Facts, chosen: Mask, others: Mask, names: str) -> Iterator[str]:
     """Tests that name a few robots: those that are chosen, or those that are not."""
-    if names and int(np.count_nonzero(chosen)) <= MOST_CONDITIONS:
+    if names and int(np.count_nonzero(chosen)) <= MAX_CONDITIONS:
         yield names
-    if int(np.count_nonzero(others)) <= MOST_CONDITIONS and facts.ids is not None:
+    if int(np.count_nonzero(others)) <= MAX_CONDITIONS and facts.ids is not None:
         left_out = _listed(facts, others)
         if left_out and not np.isnan(facts.ids[chosen]).any():
             yield f"(NOT {left_out})"
@@ -130,7 +135,7 @@ def _by_number(facts: Facts, chosen: Mask, others: Mask, names: str) -> Iterator
 def _listed(facts: Facts, chosen: Mask) -> str:
     """The test that names each robot, "" where that is not possible."""
     ids = facts.ids
-    if ids is None or int(np.count_nonzero(chosen)) > MOST_LISTED:
+    if ids is None or int(np.count_nonzero(chosen)) > MAX_LISTED:
         return ""
     mine = ids[chosen]
     if not (mine == np.round(mine)).all() or np.isin(ids[~chosen], mine).any():
@@ -143,19 +148,19 @@ def _listed(facts: Facts, chosen: Mask) -> str:
 
 
 def _conditions(facts: Facts, chosen: Mask, others: Mask) -> list[Criterion]:
-    found = [
+    conditions = [
         Criterion(~each.holds[others], len(each.text), each.rank, each.text)
         for each in facts.properties
         if each.holds[chosen].all()
     ]
     for quantity in facts.quantities:
-        found += _of_quantity(quantity, chosen, others)
-    found += _from_points(facts, chosen, others)
-    helpers = sorted(found, key=lambda each: -int(np.count_nonzero(each.excludes)))[:MOST_HELPERS]
-    found += _from_the_middle(facts, chosen, others, [np.zeros(int(others.sum()), np.bool_)])
-    if not any(each.excludes.all() for each in found):
-        found += _from_the_middle(facts, chosen, others, [each.excludes for each in helpers])
-    return [each for each in found if each.excludes.any()]
+        conditions += _of_quantity(quantity, chosen, others)
+    conditions += _from_points(facts, chosen, others)
+    helpers = sorted(conditions, key=lambda each: -int(np.count_nonzero(each.excludes)))[:MAX_HELPERS]
+    conditions += _from_the_middle(facts, chosen, others, [np.zeros(int(others.sum()), np.bool_)])
+    if not any(each.excludes.all() for each in conditions):
+        conditions += _from_the_middle(facts, chosen, others, [each.excludes for each in helpers])
+    return [each for each in conditions if each.excludes.any()]
 
 
 def _of_quantity(quantity: Measured, chosen: Mask, others: Mask) -> Iterator[Criterion]:
@@ -218,9 +223,9 @@ def _from_the_middle(facts: Facts, chosen: Mask, others: Mask, helped: list[Mask
             continue
         middle = _middle(x.values, y.values, chosen, against)
         tried = (_round(middle, (x, y), step / 10.0**fineness, chosen, others) for fineness in range(ROUNDINGS))
-        found = next((each for each in tried if (each.excludes | excluded).all()), None)
-        if found is not None:
-            yield found
+        nearest = next((each for each in tried if (each.excludes | excluded).all()), None)
+        if nearest is not None:
+            yield nearest
 
 
 def _round(
@@ -238,9 +243,9 @@ def _round(
 
 def _distance(x: Values, y: Values, to_x: Values | float, to_y: Values | float) -> Values:
     """As the language measures it, to the last bit."""
-    across, up = x - to_x, y - to_y
-    found: Values = np.sqrt(across * across + up * up)
-    return found
+    dx, dy = x - to_x, y - to_y
+    distances: Values = np.sqrt(dx * dx + dy * dy)
+    return distances
 
 
 def _middle(x: Values, y: Values, chosen: Mask, others: Mask) -> tuple[float, float]:
@@ -248,15 +253,15 @@ def _middle(x: Values, y: Values, chosen: Mask, others: Mask) -> tuple[float, fl
     something that is linear in the point, so it goes as far as the worst pair of robots asks for, time and again."""
     (mine_x, mine_y), (its_x, its_y) = (x[chosen], y[chosen]), (x[others], y[others])
     at_x, at_y = 0.5 * float(mine_x.min() + mine_x.max()), 0.5 * float(mine_y.min() + mine_y.max())
-    for _ in range(MOST_MOVES):
+    for _ in range(MAX_MOVES):
         away, beyond = _distance(mine_x, mine_y, at_x, at_y), _distance(its_x, its_y, at_x, at_y)
         mine, its = int(np.argmax(away)), int(np.nanargmin(beyond))
         too_far = float(away[mine]) ** 2 - float(beyond[its]) ** 2
-        across, up = float(mine_x[mine] - its_x[its]), float(mine_y[mine] - its_y[its])
-        if too_far < 0.0 or not (across or up):
+        dx, dy = float(mine_x[mine] - its_x[its]), float(mine_y[mine] - its_y[its])
+        if too_far < 0.0 or not (dx or dy):
             break
-        share = 1.5 * too_far / (2.0 * (across * across + up * up)) + 1e-9
-        at_x, at_y = at_x + share * across, at_y + share * up
+        share = 1.5 * too_far / (2.0 * (dx * dx + dy * dy)) + 1e-9
+        at_x, at_y = at_x + share * dx, at_y + share * dy
     return at_x, at_y
 
 
@@ -270,7 +275,7 @@ def _promising(conditions: list[Criterion]) -> list[Cover]:
     if not conditions:
         return []
     return sorted(_covers(conditions), key=lambda cover: (_least(cover), sum(each.rank for each in cover)))[
-        :MOST_WRITTEN
+        :MAX_WRITTEN
     ]
 
 
@@ -283,9 +288,9 @@ def _covers(conditions: list[Criterion]) -> Iterator[Cover]:
     """Every combination that is needed whole, the smaller ones first."""
     table = _hardest(np.array([each.excludes for each in conditions]))
     seen: set[tuple[int, ...]] = set()
-    for size in range(1, MOST_CONDITIONS + 1):
-        for found in islice(_of_size(table, np.ones(table.shape[1], np.bool_), size), MOST_TRIED):
-            key = tuple(sorted(found))
+    for size in range(1, MAX_CONDITIONS + 1):
+        for rows in islice(_of_size(table, np.ones(table.shape[1], np.bool_), size), MAX_TRIED):
+            key = tuple(sorted(rows))
             names = [conditions[at].name for at in key if conditions[at].name]
             if len(set(names)) < len(names):
                 continue  # a variable between two numbers is one condition
@@ -304,7 +309,7 @@ def _hardest(table: NDArray[np.bool_]) -> NDArray[np.bool_]:
     counts = table.sum(axis=0)
     places = np.argsort(counts, kind="stable")
     kept: list[int] = []
-    while places.size and len(kept) < MOST_PATTERNS:
+    while places.size and len(kept) < MAX_PATTERNS:
         first = int(places[0])
         kept.append(first)
         pattern = bits[:, first : first + 1]

@@ -58,7 +58,11 @@ LATE = "heard after its deadline, so not evaluated"
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What one robot answered. heard: when, in s of the desk's clock. value: of the command; None for unknown."""
+    """What one robot answered.
+
+    heard: when, in s of the desk's clock
+    value: of the command; None for unknown
+    """
 
     outcome: Outcome
     heard: float
@@ -179,9 +183,9 @@ class Answers(Mapping[str, Answer]):
 
     def codes_at(self, time: float) -> NDArray[np.uint8]:
         """The same as they were known at a time, s."""
-        found = self._outcome.copy()
-        found[: len(self._heard)][self._heard > time] = SILENT
-        return found
+        codes = self._outcome.copy()
+        codes[: len(self._heard)][self._heard > time] = SILENT
+        return codes
 
     @property
     def latest(self) -> float:
@@ -191,8 +195,8 @@ class Answers(Mapping[str, Answer]):
     @property
     def known(self) -> Seconds:
         """The known values that were answered, in the robots' order."""
-        found = self._value[self._outcome[: len(self._value)] > 0]
-        return found[~np.isnan(found)]
+        values = self._value[self._outcome[: len(self._value)] > 0]
+        return values[~np.isnan(values)]
 
     def fault(self, place: int) -> str | None:
         """The error of the robot at a place."""
@@ -255,11 +259,12 @@ def _code(outcome: Outcome | None) -> int:
 class Command:
     """A message that the desk sent and keeps account of.
 
-    addressed: how many robots, from the first on, were on the roster when it went out; only: the places of those among
-    them for whom it was, None for all. expected: the places of those of which the desk was certain that they would
-    obey. answers: by robot, the first answer of each. conflicts: names that several robots have, each with a sentence
-    that says who of them has answered. size: how many robots there are for whom it is, also such as
-    were never heard; 0 where nobody knows.
+    addressed: how many robots, from the first on, were on the roster when it went out
+    only: the places of those among them for whom it was, None for all
+    expected: the places of those of which the desk was certain that they would obey
+    answers: by robot, the first answer of each
+    conflicts: names that several robots have, each with a sentence that says who of them has answered
+    size: how many robots there are for whom it is, also such as were never heard; 0 where nobody knows
     """
 
     def __init__(
@@ -299,15 +304,15 @@ class Command:
     @classmethod
     def restored(cls, state: CommandState, names: NameIndex) -> Command:
         """The command that was kept. Raises SerialError."""
-        found = cls(state.message, names, ascending(state.expected, len(names)), state.last_sent)
+        command = cls(state.message, names, ascending(state.expected, len(names)), state.last_sent)
         if not 0 <= state.addressed <= len(names):
             raise SerialError(f"a command to {state.addressed} robots, of which there are {len(names)}")
-        found.addressed = found.size = state.addressed  # of a swarm, whose robots are all on the roster
-        found.only = None if state.only is None else ascending(state.only, state.addressed)
-        found.answers.restore(state.answers)
+        command.addressed = command.size = state.addressed  # of a swarm, whose robots are all on the roster
+        command.only = None if state.only is None else ascending(state.only, state.addressed)
+        command.answers.restore(state.answers)
         if state.rest is not None:
-            found.rest.restore(state.rest)
-        return found
+            command.rest.restore(state.rest)
+        return command
 
     @property
     def id(self) -> str:
@@ -374,12 +379,12 @@ def nameless(size: int, codes: NDArray[np.uint8], addressed: int, only: Index | 
 
 def silent(codes: NDArray[np.uint8], addressed: int, only: Index | None) -> NDArray[np.bool_]:
     """Which of the first `addressed` robots, of these only, have the code of silence."""
-    found: NDArray[np.bool_] = codes[:addressed] == SILENT
+    unanswered: NDArray[np.bool_] = codes[:addressed] == SILENT
     if only is not None:
-        asked = np.zeros(len(found), np.bool_)
-        asked[only[only < len(found)]] = True
-        found &= asked
-    return found
+        asked = np.zeros(len(unanswered), np.bool_)
+        asked[only[only < len(unanswered)]] = True
+        unanswered &= asked
+    return unanswered
 
 
 # ---- all of them
@@ -426,10 +431,10 @@ class SentCommands:
 
     def get(self, command: str) -> Command:
         """The command with this id. Raises NoSuchCommandError."""
-        found = self.find(command)
-        if found is None:
+        sent = self.find(command)
+        if sent is None:
             raise NoSuchCommandError(command, self._commands)
-        return found
+        return sent
 
     def add(self, command: Command, roster: int) -> None:
         """Store a command to a roster of this size; the oldest ones are dropped."""
@@ -464,8 +469,8 @@ class SentCommands:
         """Have what was kept. Raises SerialError."""
         if len(commands) > MAX_COMMANDS:
             raise SerialError(f"{len(commands)} commands of a desk")
-        found = [Command.restored(command, names) for command in commands]
-        self._commands = {command.id: command for command in found}
+        restored = [Command.restored(command, names) for command in commands]
+        self._commands = {command.id: command for command in restored}
         if latch is not None:
             kept = Command.restored(latch, names)
             self.latch = self._commands.get(kept.id, kept)

@@ -80,8 +80,12 @@ class RosterState(msgspec.Struct):
 
 
 class AccountState(msgspec.Struct):
-    """Who sends, what was sent and what was heard. latch: the last STOP or RELEASE. holding: see `Station.hold`;
-    beat: when the last heartbeat was sent, s."""
+    """Who sends, what was sent and what was heard.
+
+    latch: the last STOP or RELEASE
+    holding: see `Station.hold`
+    beat: when the last heartbeat was sent, s
+    """
 
     operator: str
     epoch: int

@@ -45,8 +45,11 @@ class HolderAnswers:
 
 
 class ContestedNames:
-    """The answers of names with several robots, at one desk. conflicts: who has which name; sent, roster: the desk's
-    own. Times are s of the desk's clock."""
+    """The answers of names with several robots, at one desk. Times are s of the desk's clock.
+
+    conflicts: who has which name
+    sent, roster: the desk's own
+    """
 
     def __init__(self, conflicts: NameConflicts, sent: SentCommands, roster: Roster) -> None:
         self._conflicts, self._sent, self._roster = conflicts, sent, roster
@@ -57,8 +60,8 @@ class ContestedNames:
 
     def places(self, now: float) -> Index:
         """The places of the names that several robots have, ascending."""
-        found = (self._roster.names.index_of(name) for name in self._conflicts.contested(now))
-        return np.array(sorted(place for place in found if place is not None), np.intp)
+        places = (self._roster.names.index_of(name) for name in self._conflicts.contested(now))
+        return np.array(sorted(place for place in places if place is not None), np.intp)
 
     def is_several(self, name: str, now: float) -> bool:
         """Whether several robots have a name, or may have it."""
@@ -84,9 +87,9 @@ class ContestedNames:
         if command.is_look or not ((command.id, name) in self._shared or self._conflicts.holders(name, now)):
             command.answers.add(place, answer)
             return
-        found = self._open(command, place, name, now)
-        found.answers.setdefault(message.epoch, answer)
-        self._settle(command, place, name, found, now)
+        by_holder = self._open(command, place, name, now)
+        by_holder.answers.setdefault(message.epoch, answer)
+        self._settle(command, place, name, by_holder, now)
 
     def review(self, now: float) -> dict[str, str]:
         """Count again where robots of one name turned up, or one of them turned out to have restarted; gives the names
@@ -111,8 +114,8 @@ class ContestedNames:
     def validate(self, places: Index | None, now: float) -> None:
         """A command to robots of which several have one name is hardly meant. places: those for whom it is, None for
         all. Raises DoubtError."""
-        if found := self.sentences(now, places):
-            why = f"{'; '.join(found)}: each of them decides by itself, and none answers for the others"
+        if sentences := self.sentences(now, places):
+            why = f"{'; '.join(sentences)}: each of them decides by itself, and none answers for the others"
             raise DoubtError(why, f"warning: {why}")
 
     def _known(self, name: str) -> bool:
@@ -142,29 +145,29 @@ class ContestedNames:
             self._settle(command, place, name, self._open(command, place, name, now), now)
 
     def _open(self, command: Command, place: int, name: str, now: float) -> HolderAnswers:
-        found = self._shared.get((command.id, name))
-        if found is None:
-            found = self._shared[command.id, name] = HolderAnswers()
+        by_holder = self._shared.get((command.id, name))
+        if by_holder is None:
+            by_holder = self._shared[command.id, name] = HolderAnswers()
             if len(self._shared) > MAX_SHARED:
                 self._shared.popitem(last=False)
             before = command.answers.get(name)  # of the robot that was heard before there was another one
             holders = self._conflicts.holders(name, now)
             if before is not None and holders:
-                found.answers[holders[0].epoch] = before
-        return found
+                by_holder.answers[holders[0].epoch] = before
+        return by_holder
 
-    def _settle(self, command: Command, place: int, name: str, found: HolderAnswers, now: float) -> None:
+    def _settle(self, command: Command, place: int, name: str, by_holder: HolderAnswers, now: float) -> None:
         """Count the answer of a name, or count it as silent."""
         holders = self._conflicts.holders(name, now)
-        found.needed.update((each.epoch, each) for each in holders if each.contested)
+        by_holder.needed.update((each.epoch, each) for each in holders if each.contested)
         undecided = self._conflicts.is_undecided(name, now)
-        waited = {*found.needed} | {each.epoch for each in holders if undecided}
+        waited = {*by_holder.needed} | {each.epoch for each in holders if undecided}
         command.answers.forget(place)
-        if found.answers and waited <= found.answers.keys():
-            answers = {epoch: found.answers[epoch] for epoch in (waited or found.answers)}
-            command.answers.add(place, _merged(command, answers, found.needed))
-        if found.needed:
-            command.conflicts[name] = _told(name, found)
+        if by_holder.answers and waited <= by_holder.answers.keys():
+            answers = {epoch: by_holder.answers[epoch] for epoch in (waited or by_holder.answers)}
+            command.answers.add(place, _merged(command, answers, by_holder.needed))
+        if by_holder.needed:
+            command.conflicts[name] = _told(name, by_holder)
 
 
 def _is_for(command: Command, place: int) -> bool:
@@ -192,9 +195,10 @@ def _value(answer: Answer) -> str:
     return "unknown" if answer.value is None else value_in_words(answer.value, "")
 
 
-def _told(name: str, found: HolderAnswers) -> str:
+def _told(name: str, by_holder: HolderAnswers) -> str:
     """Who has a name, and who of them has not answered."""
     said = [
-        f"{each} has {'' if epoch in found.answers else 'not '}answered" for epoch, each in sorted(found.needed.items())
+        f"{each} has {'' if epoch in by_holder.answers else 'not '}answered"
+        for epoch, each in sorted(by_holder.needed.items())
     ]
     return f"{len(said)} robots have the name {name}: {', '.join(said)}"

@@ -34,8 +34,10 @@ class Stage:
 
 
 class Stages:
-    """A command that goes out in stages. count, confirmed: the sender's answers, for all of them. Raises what
-    `NetworkStation.commit` raises, before anything is sent."""
+    """A command that goes out in stages. Raises what `NetworkStation.commit` raises, before anything is sent.
+
+    count, confirmed: the sender's answers, for all of them
+    """
 
     def __init__(
         self, station: NetworkStation, prepared: Prepared, *, count: int | None = None, confirmed: bool = False

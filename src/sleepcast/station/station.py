@@ -241,9 +241,9 @@ class Station:
         told = self._clock.now() - times <= self.stale_after
         known = np.flatnonzero(told if places is None else told[places])
         fresh = known if places is None else places[known]
-        found = np.full(len(times) if places is None else len(places), nan)
-        found[known], reason, _ = self.telemetry.values(program, fresh)
-        return found, RobotNames(self._roster.names, fresh[reason > 0])
+        values = np.full(len(times) if places is None else len(places), nan)
+        values[known], reason, _ = self.telemetry.values(program, fresh)
+        return values, RobotNames(self._roster.names, fresh[reason > 0])
 
     # ---- sending
 
@@ -290,13 +290,13 @@ class Station:
         at, state, audience = self._clock.now(), self._state(), draft.terms.audience
         with self._lock:
             places = audience.places(self._roster)
-        found = self._preview(draft.program) if preview is None else preview
-        codes = self._decided(found.codes, draft.text)
+        foreseen = self._preview(draft.program) if preview is None else preview
+        codes = self._decided(foreseen.codes, draft.text)
         nameless = 0 if audience.named else self._roster.nameless
         insists = draft.terms.anyway or draft.terms.strange
         unknown, informed = ([], 0) if insists else self.unknown_names(draft.checked, audience.only)
         chosen = codes if places is None else codes[places]
-        return Prepared(draft, found, chosen, places, nameless, tuple(unknown), informed, at, state)
+        return Prepared(draft, foreseen, chosen, places, nameless, tuple(unknown), informed, at, state)
 
     def _decided(self, codes: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
         """The codes of a preview of a text, with what robots themselves have said of it."""
@@ -562,8 +562,8 @@ class Station:
                     if command is self._sent.latch:
                         self._take_rests(batch.robots)
                 counts = np.bincount(said.outcome[batch.places], minlength=len(said.outcomes)).tolist()
-                found = {word: count for word, count in zip(said.outcomes, counts, strict=True) if count}
-                details = {"kind": batch.kind.value, "robots": len(batch), "outcomes": found}
+                outcomes = {word: count for word, count in zip(said.outcomes, counts, strict=True) if count}
+                details = {"kind": batch.kind.value, "robots": len(batch), "outcomes": outcomes}
                 self._note(JournalEvent.HEARD, MANY, subject=said.command, details=details)
         if isinstance(said, AnswerColumns) and self.listeners:
             self._pass_on(list(batch.messages()))
@@ -676,8 +676,8 @@ class Station:
         """What each of these robots had answered to the command with this id by a time (s of the desk's clock), None
         for who is silent. Raises NoSuchCommandError."""
         with self._lock:
-            found = map(self._sent.get(command).answers.get, robots)
-            return [answer if answer is not None and answer.heard <= time else None for answer in found]
+            answers = map(self._sent.get(command).answers.get, robots)
+            return [answer if answer is not None and answer.heard <= time else None for answer in answers]
 
     def why(self, robot: str, command: str | None = None) -> Explanation:
         """How `robot` evaluated a command (None: its last one): the tree of values and the first test that failed.

@@ -188,7 +188,7 @@ class ToldTelemetry(TelemetryTable):
         if len(sorts) == 1:
             return [(next(iter(sorts)), rows, None)]
         codes = np.array([code_of[id(one)] for one in symbols], np.intp)
-        return [(found, rows.take(codes == code), codes == code) for found, code in sorts.items()]
+        return [(value, rows.take(codes == code), codes == code) for value, code in sorts.items()]
 
     def _symbols(self, name: str) -> KnownSymbols:
         mind = self._minds.get(name)

@@ -80,13 +80,13 @@ class Audience(NamedTuple):
 
     def body(self) -> dict[str, object]:
         """As it stands in a message. Raises AudienceError for more names than fit."""
-        found: dict[str, object] = {}
+        body: dict[str, object] = {}
         for key, names in ((FOR, self.only), (NOT, self.but)):
             if names is not None:
                 if len(names) > MAX_LISTED:
                     raise AudienceError(f"{len(names)} robots are too many to be named: at most {MAX_LISTED}")
-                found[key] = list(names)
-        return found
+                body[key] = list(names)
+        return body
 
     def places(self, roster: Roster) -> Index | None:
         """The places of those on the roster that are meant, ascending; None for all. Raises UnknownRobotError."""
@@ -104,7 +104,7 @@ DEADLINE = 5.0
 short for a command to take effect when it has been forgotten."""
 MAX_DEADLINE = 3600.0
 """Seconds for which a one-shot command may be good at most; what must hold longer is a rule."""
-MOST_DOUBTS = 5
+MAX_DOUBTS = 5
 """Of one text that are shown when it is refused."""
 
 
@@ -127,7 +127,11 @@ class NobodyHeardError(MisuseError):
 
 
 class CountNeededError(MisuseError):
-    """A command whose sender must say how many robots are meant. may: how many may obey; why: the reason for asking."""
+    """A command whose sender must say how many robots are meant.
+
+    may: how many may obey
+    why: the reason for asking
+    """
 
     def __init__(self, may: int, why: str, count: int | None) -> None:
         self.may, self.why = may, why
@@ -137,7 +141,11 @@ class CountNeededError(MisuseError):
 
 
 class DoubtError(MisuseError):
-    """A text that is probably a mistake. why: the first doubt, on one line; shown: the doubts, with carets."""
+    """A text that is probably a mistake.
+
+    why: the first doubt, on one line
+    shown: the doubts, with carets
+    """
 
     def __init__(self, why: str, shown: str) -> None:
         self.why, self.shown = why, shown
@@ -146,7 +154,7 @@ class DoubtError(MisuseError):
     @classmethod
     def of(cls, checked: Checked) -> DoubtError:
         """About what the checker doubts."""
-        shown = "\n".join(doubt.render(checked.text) for doubt in checked.doubts[:MOST_DOUBTS])
+        shown = "\n".join(doubt.render(checked.text) for doubt in checked.doubts[:MAX_DOUBTS])
         return cls(checked.doubts[0].message, shown)
 
 
@@ -161,9 +169,13 @@ class UnknownNameError(DoubtError):
 
 @dataclass(frozen=True, slots=True)
 class SendPolicy:
-    """When a desk asks how many are meant. above: more than so many that may obey, None for never; irreversible: a form
-    that cannot be undone. strict: whether it refuses what is only doubtful (warnings). doubts: whether it asks once
-    more for what is hardly meant (see `Prepared.refuse_doubtful`)."""
+    """When a desk asks how many are meant.
+
+    above: more than so many that may obey, None for never
+    irreversible: a form that cannot be undone
+    strict: whether it refuses what is only doubtful (warnings)
+    doubts: whether it asks once more for what is hardly meant (see `Prepared.refuse_doubtful`)
+    """
 
     above: int | None = None
     irreversible: bool = False
@@ -249,9 +261,9 @@ class FleetNames:
         if isinstance(self._minds, NamesOfAll):
             return self._minds.declared(key)
         for mind in self._minds.values():
-            found = mind.declared(key)
-            if found is not None:
-                return found
+            declared = mind.declared(key)
+            if declared is not None:
+                return declared
         return None
 
     def heard(self) -> Iterable[str]:
@@ -278,10 +290,12 @@ class Preview:
     """Who would obey: certainly (`yes`), certainly not (`no`), and of whom the desk cannot say (`unknown`), those among
     them whose test is itself unknown.
 
-    codes: NO, YES, UNKNOWN or, where the test is unknown, UNDECIDED of each robot by its place, uint8. reason: why a
-    robot is unknown, uint8, which of `listed` from 1. names: of the robots, by place. everybody: the command has no
-    test, or one that is true whatever the robot. oldest: the age in s of the oldest news that a yes or no rests on (0
-    if none does). nameless: how many robots there are besides that were never heard, all of them unknown.
+    codes: NO, YES, UNKNOWN or, where the test is unknown, UNDECIDED of each robot by its place, uint8
+    reason: why a robot is unknown, uint8, which of `listed` from 1
+    names: of the robots, by place
+    everybody: the command has no test, or one that is true whatever the robot
+    oldest: the age in s of the oldest news that a yes or no rests on (0 if none does)
+    nameless: how many robots there are besides that were never heard, all of them unknown
     """
 
     codes: NDArray[np.uint8]
@@ -324,10 +338,10 @@ class Preview:
     def reasons(self) -> dict[str, int]:
         """Why robots are unknown, and how many for each reason, the most frequent first."""
         counts = np.bincount(self.reason[self.codes >= UNKNOWN], minlength=len(self.listed) + 1)[1:].tolist()
-        found = Counter({reason: count for reason, count in zip(self.listed, counts, strict=True) if count})
+        reasons = Counter({reason: count for reason, count in zip(self.listed, counts, strict=True) if count})
         if self.nameless:
-            found[NEVER_HEARD] += self.nameless
-        return dict(found.most_common())
+            reasons[NEVER_HEARD] += self.nameless
+        return dict(reasons.most_common())
 
     def _named(self, code: int) -> tuple[str, ...]:
         return tuple(self.names[place] for place in np.flatnonzero(self.codes == code).tolist())
@@ -336,8 +350,12 @@ class Preview:
 def preview(
     program: Program, roster: Roster, table: TelemetryTable, now: float, stale_after: float, since: Seconds
 ) -> Preview:
-    """Who would obey `program`. table: telemetry by place on the roster, which decides nothing where it is older than
-    `stale_after` s at `now`, or from before the robot was last commanded. since: when that was, by place."""
+    """Who would obey `program`.
+
+    table: telemetry by place on the roster, which decides nothing where it is older than `stale_after` s at `now`, or
+        from before the robot was last commanded
+    since: when that was, by place
+    """
     count = len(since)
     times = roster.reported[:count].copy()
     recent, current = now - times <= stale_after, times >= since

@@ -31,12 +31,12 @@ FEW = 3
 
 class NamesOfSome:
     """The names of some robots only (a `Names` for the checker), in the slots of the whole fleet's vocabulary. hearsay:
-    which sorts of names count besides that only others have: their functions then take whatever they are given."""
+    which kinds of names count besides that only others have: their functions then take whatever they are given."""
 
     def __init__(self, minds: RemoteMinds, robots: Iterable[str], hearsay: Sequence[type] = ()) -> None:
         self._minds: dict[tuple[bytes, frozenset[str], frozenset[str]], RemoteMind] = {}
-        """One of each sort that has learned the same."""
-        types = dict.fromkeys(found for name in robots if (found := minds.type_of(name)) in minds.types)
+        """One of all that have learned the same."""
+        types = dict.fromkeys(kind for name in robots if (kind := minds.type_of(name)) in minds.types)
         for name in robots:
             if (mind := minds.get(name)) is not None:
                 self._minds.setdefault((mind.telemetry.mind, mind.groups, frozenset(mind.telemetry.user)), mind)
@@ -46,7 +46,7 @@ class NamesOfSome:
 
     def declared(self, key: str) -> Declared | None:
         """What the first of them that knows `key` has learned under it."""
-        return next((found for mind in self._minds.values() if (found := mind.known(key)) is not None), None)
+        return next((known for mind in self._minds.values() if (known := mind.known(key)) is not None), None)
 
     def heard(self) -> Iterable[str]:
         """Every name that any robot has learned: suggestions inform."""
@@ -55,18 +55,20 @@ class NamesOfSome:
 
 def _restricted(whole: Vocabulary, some: Vocabulary, hearsay: tuple[type, ...]) -> Vocabulary:
     """The vocabulary of some robots, whose variables have the slots that they have in the whole fleet's."""
-    found = copy(whole)
-    found.user_slots = dict(whole.user_slots)
-    found.bindings = {key: _lenient(binding) for key, binding in whole.bindings.items() if isinstance(binding, hearsay)}
+    restricted = copy(whole)
+    restricted.user_slots = dict(whole.user_slots)
+    restricted.bindings = {
+        key: _lenient(binding) for key, binding in whole.bindings.items() if isinstance(binding, hearsay)
+    }
     for key, binding in some.bindings.items():
         if isinstance(binding, Variable):
             place = whole.bindings.get(key)
             if not isinstance(place, Variable):  # another type has something else there, so that there is no slot
-                found.bindings.pop(key, None)
+                restricted.bindings.pop(key, None)
                 continue
             binding = replace(binding, slot=place.slot)
-        found.bindings[key] = binding
-    return found
+        restricted.bindings[key] = binding
+    return restricted
 
 
 def _lenient(binding: Binding) -> Binding:
@@ -81,18 +83,21 @@ HEARSAY: tuple[Sequence[type], ...] = ((HostFunction, Variable, Constant), (Host
 
 
 def check_for(whole: Checked, minds: RemoteMinds, robots: Sequence[str], *, anyway: bool = False) -> Checked:
-    """Check a text for robots that are there, if it is wrong in all names that were ever heard. whole: what was found
-    in those. anyway: its sender insists, so robots' names refuse nothing."""
+    """Check a text for robots that are there, if it is wrong in all names that were ever heard.
+
+    whole: what the checker says in those
+    anyway: its sender insists, so robots' names refuse nothing
+    """
     text = whole.text
-    found = check(text, NamesOfSome(minds, robots))
-    bare = check(text, NamesOfSome(minds, ())) if found.errors else found
+    checked = check(text, NamesOfSome(minds, robots))
+    bare = check(text, NamesOfSome(minds, ())) if checked.errors else checked
     if bare.errors:
-        return found  # no robot could run it, whatever its names
-    if found.errors and not anyway:
-        return replace(found, by=f"This is so by the names of {_whose(text, minds, robots)}")
-    there = () if found.errors else robots
-    tries = (check(text, NamesOfSome(minds, there, hearsay)) for hearsay in HEARSAY)
-    return _informed(next((each for each in tries if not each.errors), bare), whole, minds, set(there))
+        return checked  # no robot could run it, whatever its names
+    if checked.errors and not anyway:
+        return replace(checked, by=f"This is so by the names of {_whose(text, minds, robots)}")
+    present = () if checked.errors else robots
+    tries = (check(text, NamesOfSome(minds, present, hearsay)) for hearsay in HEARSAY)
+    return _informed(next((each for each in tries if not each.errors), bare), whole, minds, set(present))
 
 
 def doubt_forms(checked: Checked, minds: RemoteMinds, robots: Sequence[str]) -> None:
@@ -111,16 +116,16 @@ def doubt_forms(checked: Checked, minds: RemoteMinds, robots: Sequence[str]) -> 
             checked.found.note("warning", message, form.start, form.end, confirm=True)
 
 
-def _informed(found: Checked, whole: Checked, minds: RemoteMinds, there: set[str]) -> Checked:
+def _informed(checked: Checked, whole: Checked, minds: RemoteMinds, present: set[str]) -> Checked:
     """What is right for those who decide, with a warning of what others' names say to it."""
-    whose = _whose(whole.text, minds, [name for name in minds.known if name not in there])
-    kept = found.found.kept
+    whose = _whose(whole.text, minds, [name for name in minds.known if name not in present])
+    kept = checked.found.kept
     for at, finding in enumerate(kept):
         if finding.unknown and finding.unknown not in whole.unknown:  # somebody has it, so it is no slip
             kept[at] = replace(finding, unknown="", confirm=False)
     for error in whole.errors:
-        found.found.note("warning", f"{error.message}, by the names of {whose}", error.start, error.end)
-    return replace(found, by=whose)
+        checked.found.note("warning", f"{error.message}, by the names of {whose}", error.start, error.end)
+    return replace(checked, by=whose)
 
 
 def _whose(text: str, minds: RemoteMinds, robots: Sequence[str]) -> str:
@@ -132,8 +137,8 @@ def _whose(text: str, minds: RemoteMinds, robots: Sequence[str]) -> str:
     return " and ".join(_named(minds.types.get(key), names) for key, names in guilty.items())
 
 
-def _named(found: Vocabulary | None, names: Sequence[str]) -> str:
-    kind = "" if found is None else found.name
+def _named(vocabulary: Vocabulary | None, names: Sequence[str]) -> str:
+    kind = "" if vocabulary is None else vocabulary.name
     more = f" and {len(names) - FEW} more" if len(names) > FEW else ""
     listed = f"{', '.join(names[:FEW])}{more}"
     return printable(f"{kind} ({listed})" if kind else listed)

@@ -16,7 +16,7 @@ from sleepcast.console.outgoing import DeskMessage
 from sleepcast.console.view import Scene
 from sleepcast.core.errors import MisuseError
 from sleepcast.station.facts import FactSource, facts_of
-from sleepcast.station.selection import MOST_CONDITIONS, MOST_LISTED, Selection, select
+from sleepcast.station.selection import MAX_CONDITIONS, MAX_LISTED, Selection, select
 
 AT_ONCE = 2_000
 """Robots up to which the search takes a few milliseconds; with more it goes on beside the server."""
@@ -78,11 +78,11 @@ def _shown(serial: int, count: int, selection: Selection) -> Picked:
         why = f"{selection.unknown} of these robots {which} sent no recent telemetry"
         sentence = f"{why}, so no test can be found for them."
     elif not selection.tests:
-        sentence = f"No {MOST_CONDITIONS} conditions together hold for exactly these robots. "
+        sentence = f"No {MAX_CONDITIONS} conditions together hold for exactly these robots. "
         sentence += (
             "They can be listed by their numbers."
             if selection.listed
-            else f"They are too many to be listed (more than {MOST_LISTED:,}): let them join a group in parts."
+            else f"They are too many to be listed (more than {MAX_LISTED:,}): let them join a group in parts."
         )
     else:
         sentence = ""

@@ -108,7 +108,7 @@ def line_of(entry: JournalEntry, written: float) -> str:
         if isinstance(value, RobotNames) and len(value) > MAX_LISTED:
             details[f"n_{key}"], value = len(value), value[:MAX_LISTED]
         details[key] = _plain(value)
-    found = {
+    fields = {
         "number": entry.number,
         "written": written,
         "time": entry.time,
@@ -118,7 +118,7 @@ def line_of(entry: JournalEntry, written: float) -> str:
         "text": _text(entry.text),
         "details": details,
     }
-    return _ENCODER.encode(found)
+    return _ENCODER.encode(fields)
 
 
 def read_line(line: str, hash: bytes) -> FiledEntry:
@@ -265,8 +265,8 @@ def journal_errors(file: Path) -> Iterator[None]:
 
 def get_attribute(connection: sqlite3.Connection, key: str) -> str:
     """What kind of file it is by its own entry, "" for none."""
-    found = connection.execute("SELECT value FROM about WHERE key = ?", (key,)).fetchone()
-    return str(found[0]) if found else ""
+    row = connection.execute("SELECT value FROM about WHERE key = ?", (key,)).fetchone()
+    return str(row[0]) if row else ""
 
 
 def set_attribute(connection: sqlite3.Connection, key: str, value: str) -> None:
@@ -298,9 +298,9 @@ def set_origin(connection: sqlite3.Connection, origin: Predecessor) -> None:
 def _connection(file: Path, mode: str) -> sqlite3.Connection:
     where = f"{file.absolute().as_uri()}?mode={mode}"
     # Its users lock it for themselves.
-    found = sqlite3.connect(where, timeout=PATIENCE, isolation_level=None, check_same_thread=False, uri=True)
-    found.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_BYTES)
-    return found
+    connection = sqlite3.connect(where, timeout=PATIENCE, isolation_level=None, check_same_thread=False, uri=True)
+    connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_BYTES)
+    return connection
 
 
 def _is_journal(connection: sqlite3.Connection, file: Path) -> bool:

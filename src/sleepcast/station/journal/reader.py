@@ -132,8 +132,8 @@ class JournalReader:
         """The number of the last entry, 0 for none."""
         origin = self._parts[-1][1]
         with journal_errors(self.file):
-            found = self._live.execute("SELECT max(number) FROM entries").fetchone()[0]
-        return origin.number if found is None else int(found)
+            last = self._live.execute("SELECT max(number) FROM entries").fetchone()[0]
+        return origin.number if last is None else int(last)
 
     @property
     def files(self) -> list[Path]:
@@ -149,17 +149,17 @@ class JournalReader:
                     rows = connection.execute(f"SELECT line, hash FROM entries WHERE {where} ORDER BY number", values)
                     yield from (read_line(line, hash) for line, hash in rows)
             return
-        found: list[FiledEntry] = []
+        entries: list[FiledEntry] = []
         for file, _ in reversed(self._parts):
-            if len(found) == last:
+            if len(entries) == last:
                 break
             with self._reading(file) as connection:
                 rows = connection.execute(
                     f"SELECT line, hash FROM entries WHERE {where} ORDER BY number DESC LIMIT ?",
-                    [*values, last - len(found)],
+                    [*values, last - len(entries)],
                 )
-                found += [read_line(line, hash) for line, hash in rows]
-        yield from reversed(found)
+                entries += [read_line(line, hash) for line, hash in rows]
+        yield from reversed(entries)
 
     def verify(self) -> Verified:
         """Go through the whole chain."""

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import sleepcast as sc
-from cli.calling import called
+from cli.calling import called_warm
 from sleepcast.experiments.acceptance import read_test, run_test
 from small_worlds import write
 
@@ -33,7 +33,7 @@ def world(tmp_path: Path) -> Path:
 
 
 def test_a_run_says_so_before_it_begins_and_what_was_wanted_is_not_met(world: Path) -> None:
-    done = called("run", str(world), "--seconds", "1")
+    done = called_warm("run", str(world), "--seconds", "1")
     assert (done.status, done.err) == (1, f"{LATE}\n")
     place = world / "mission.sleep"
     end = "but it was never sent: the run ended at 1 s, before 3 s"
@@ -44,13 +44,13 @@ def test_a_run_says_so_before_it_begins_and_what_was_wanted_is_not_met(world: Pa
 
 
 def test_scripts_get_them_as_a_list(world: Path) -> None:
-    told = json.loads(called("run", str(world), "--seconds", "1", "--json").out)
+    told = json.loads(called_warm("run", str(world), "--seconds", "1", "--json").out)
     assert [(each["time"], each["text"]) for each in told["never_sent"]] == [
         (3.0, "(WHEN (>= battery 0%)\n        (JOIN full))"),
         (4.0, "STOP"),
     ]
     assert len(told["missed"]) == 2
-    whole = called("run", str(world), "--seconds", "5", "--json")
+    whole = called_warm("run", str(world), "--seconds", "5", "--json")
     assert (whole.status, whole.err, json.loads(whole.out)["never_sent"]) == (0, "", [])
 
 
@@ -58,10 +58,10 @@ def test_what_is_wanted_goes_on_in_a_snapshot(world: Path) -> None:
     half = world / "half.snap"
     mission = (world / "mission.sleep").read_text()
     (world / "mission.sleep").write_text(mission.replace("(MARK)\n= matched 20", "(MARK)\n= matched 19"))
-    assert called("run", str(world), "--seconds", "1", "--snapshot", str(half)).status == 1
-    again = called("run", "--from", str(half), "--seconds", "1")
+    assert called_warm("run", str(world), "--seconds", "1", "--snapshot", str(half)).status == 1
+    again = called_warm("run", "--from", str(half), "--seconds", "1")
     assert (again.status, again.out.count("it was never sent: the run ended at 2 s, before 3 s")) == (1, 2)
-    later = called("run", "--from", str(half), "--seconds", "4")
+    later = called_warm("run", "--from", str(half), "--seconds", "4")
     assert (later.status, later.out.count(": wanted ")) == (1, 1)
     assert "(MARK): wanted matched 19, but it was 20" in later.out  # it was sent before the snapshot
 
@@ -74,24 +74,26 @@ def test_python_has_them(world: Path) -> None:
 
 def test_a_sweep_says_so_before_and_counts_them_after(world: Path) -> None:
     sweep = ("sweep", str(world), "--measure", "mean battery", "--seeds", "2", "--quiet", "--workers", "1")
-    done = called(*sweep, "--seconds", "1s", "--out", str(world / "short"))
+    done = called_warm(*sweep, "--seconds", "1s", "--out", str(world / "short"))
     before, *after = done.err.splitlines()
     assert (done.status, before) == (0, LATE)
     ended = "never sent in 2 of 2 runs, which ended before: "
     assert after == [f"{ended}@3s (WHEN (>= battery 0%) (JOIN full))", f"{ended}@4s STOP"]
     early = ("--until", "max time >= 3.5", "--seconds", "5s", "--out", str(world / "early"), "--json")
-    done = called(*sweep, *early)
+    done = called_warm(*sweep, *early)
     assert (done.err, json.loads(done.out)["never_sent"]) == ("", {"@4s STOP": 2})
-    assert json.loads(called("sweep", str(world / "early"), "--json", "--quiet").out)["never_sent"] == {"@4s STOP": 2}
+    assert json.loads(called_warm("sweep", str(world / "early"), "--json", "--quiet").out)["never_sent"] == {
+        "@4s STOP": 2
+    }
 
 
 def test_a_sweep_says_in_how_many_runs_a_count_came_otherwise(world: Path) -> None:
     (world / "mission.sleep").write_text("@0.5s (WHEN (> battery 60%) (MARK))\n= matched at least 1, not matched 20\n")
     sweep = ("sweep", str(world), "--measure", "mean battery", "--seeds", "2", "--quiet", "--workers", "1")
-    done = called(*sweep, "--seconds", "1s", "--out", str(world / "results"))
+    done = called_warm(*sweep, "--seconds", "1s", "--out", str(world / "results"))
     wanted = f"{world / 'mission.sleep'}:1: (WHEN (> battery 60%) (MARK)): wanted not matched 20"
     assert (done.status, done.err) == (0, f"not as its mission wanted in 2 of 2 runs: {wanted}\n")
-    assert json.loads(called("sweep", str(world / "results"), "--json", "--quiet").out)["missed"] == {wanted: 2}
+    assert json.loads(called_warm("sweep", str(world / "results"), "--json", "--quiet").out)["missed"] == {wanted: 2}
 
 
 def test_a_sweep_over_times_looks_at_each_of_them(world: Path) -> None:
@@ -99,7 +101,7 @@ def test_a_sweep_over_times_looks_at_each_of_them(world: Path) -> None:
     (world / "scenario.toml").write_text(f'{text}\n[constants]\nLATE = "0.1s"\n')
     (world / "mission.sleep").write_text("@{LATE} (MARK)\n")
     sweep = ("sweep", str(world), "--over", "constants.LATE=0.5s,9s", "--measure", "mean battery", "--workers", "1")
-    done = called(*sweep, "--seconds", "1s", "--out", str(world / "results"), "--quiet")
+    done = called_warm(*sweep, "--seconds", "1s", "--out", str(world / "results"), "--quiet")
     assert done.err.splitlines() == [
         "1 command comes after the end at 1 s and is never sent: @9s (MARK)",
         "never sent in 1 of 2 runs, which ended before: @9s (MARK)",

@@ -18,7 +18,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from cli.calling import Called, called
+from cli.calling import Called, called, called_warm
 from console.running import PATIENCE, Program, open_page
 from sleepcast.cli import replay
 from sleepcast.cli.interrupts import Interrupts
@@ -55,7 +55,7 @@ def world(tmp_path: Path) -> Path:
 
 
 def record(world: Path, *options: str, seconds: str = "20") -> Called:
-    return called("run", str(world), "--seconds", seconds, "--json", "--record", str(world / "run.mcap"), *options)
+    return called_warm("run", str(world), "--seconds", seconds, "--json", "--record", str(world / "run.mcap"), *options)
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +73,7 @@ def bodies(recording: Recording, topic: str) -> Iterator[dict[str, object]]:
 
 
 def test_a_recorded_run_is_the_same_run_and_can_be_repeated(world: Path) -> None:
-    plain = json.loads(called("run", str(world), "--seconds", "20", "--json").out)
+    plain = json.loads(called_warm("run", str(world), "--seconds", "20", "--json").out)
     done = record(world)
     assert (done.status, done.err) == (0, "")
     outcome = json.loads(done.out)
@@ -94,7 +94,7 @@ def test_a_recorded_run_is_the_same_run_and_can_be_repeated(world: Path) -> None
 
 def test_another_seed_and_number_of_robots_are_in_the_recording(world: Path) -> None:
     assert record(world, "--seed", "11", "--robots", "7", seconds="5").status == 0
-    told = json.loads(called("replay", str(world / "run.mcap"), "--verify", "--json").out)
+    told = json.loads(called_warm("replay", str(world / "run.mcap"), "--verify", "--json").out)
     assert (told["seed"], told["robots"], told["verified"]["same"]) == (11, 7, True)
 
 
@@ -165,7 +165,7 @@ def test_killed_in_mid_run_the_file_is_readable_up_to_its_last_second(world: Pat
     recording = load_recording(file)
     assert not recording.complete
     assert recording.seconds >= tick * 0.1 - 20.0, "the last second at twenty times real time"
-    told = called("replay", str(file), "--verify")
+    told = called_warm("replay", str(file), "--verify")
     assert told.status == 0
     assert "ends early" in told.out
     assert "the same to the last bit" in told.out
@@ -184,7 +184,7 @@ def test_paused_on_the_page_nothing_recorded_waits_in_memory(world: Path) -> Non
         assert [each.message.text for each in found.posted] == ["(WHEN (> battery 30%) (JOIN some))"]
     found = load_recording(file)
     assert found.complete, "Ctrl-C ends a recording in good order"
-    assert called("replay", str(file), "--verify").status == 0
+    assert called_warm("replay", str(file), "--verify").status == 0
 
 
 def test_a_full_disk_ends_the_recording_with_a_sentence_and_not_the_run(world: Path) -> None:
@@ -257,13 +257,13 @@ def test_nothing_is_replaced_and_what_cannot_be_written_is_told_before_the_run(w
     assert (done.status, done.out) == (2, "")
     assert "already exists" in done.err
     assert kept.read_text() == "precious"
-    done = called("run", str(world), "--record", str(world / "no" / "such.mcap"))
+    done = called_warm("run", str(world), "--record", str(world / "no" / "such.mcap"))
     assert (done.status, done.out) == (1, "")
     assert "cannot record to" in done.err
 
 
 def test_rates_without_a_recording_are_refused(world: Path) -> None:
-    done = called("run", str(world), "--record-pictures", "1")
+    done = called_warm("run", str(world), "--record-pictures", "1")
     assert done.status == 2
     assert "add --record FILE" in done.err
 
@@ -289,7 +289,7 @@ def rewritten(file: Path, **about: str) -> Path:
 def test_a_file_of_a_newer_format_or_of_somebody_else_is_refused(
     tmp_path: Path, about: dict[str, str], words: str
 ) -> None:
-    done = called("replay", str(rewritten(tmp_path / "x.mcap", **about)), "--headless")
+    done = called_warm("replay", str(rewritten(tmp_path / "x.mcap", **about)), "--headless")
     assert done.status == 2
     assert words in done.err
     assert "Traceback" not in done.err
@@ -300,11 +300,11 @@ def test_half_a_file_is_read_as_far_as_it_goes_or_refused(recorded: Path, tmp_pa
     whole = (recorded / "run.mcap").read_bytes()
     half = tmp_path / "half.mcap"
     half.write_bytes(whole[:size])
-    done = called("replay", str(half), "--headless")
+    done = called_warm("replay", str(half), "--headless")
     assert done.status in (0, 2)
     assert "Traceback" not in done.err
     half.write_bytes(whole[:-size] if size else whole)
-    assert called("replay", str(half), "--headless").status == 0
+    assert called_warm("replay", str(half), "--headless").status == 0
 
 
 def test_a_recording_that_does_not_repeat_is_told(recorded: Path, tmp_path: Path) -> None:
@@ -312,7 +312,7 @@ def test_a_recording_that_does_not_repeat_is_told(recorded: Path, tmp_path: Path
     with Recorder(file, load(recorded), 3, version="0.0.9", complain=pytest.fail) as recorder:
         recorder.note("/sleepcast/state", 0.0, {"tick": 0, "hash": load_recording(recorded / "run.mcap").states[0]})
         recorder.note("/sleepcast/state", 1.0, {"tick": 10, "hash": "another"})
-    done = called("replay", str(file), "--verify")
+    done = called_warm("replay", str(file), "--verify")
     assert done.status == 1
     assert "the state differs from tick 10 on; recorded by version 0.0.9" in done.out
 
@@ -320,9 +320,9 @@ def test_a_recording_that_does_not_repeat_is_told(recorded: Path, tmp_path: Path
 def test_what_robots_say_does_not_gather_while_a_run_is_verified(world: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where a run goes on from a snapshot nobody sits at the desk then; a large swarm that reports in every tick would
     fill the memory."""
-    assert called("run", str(world), "--seconds", "1", "--snapshot", str(world / "one.snap")).status == 0
+    assert called_warm("run", str(world), "--seconds", "1", "--snapshot", str(world / "one.snap")).status == 0
     onward = ("--from", str(world / "one.snap"), "--seconds", "5", "--record", str(world / "run.mcap"))
-    assert called("run", *onward).status == 0
+    assert called_warm("run", *onward).status == 0
     swarms: list[Swarm] = []
     begin = replay._beginning
 

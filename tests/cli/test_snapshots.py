@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from cli.calling import Called, called
+from cli.calling import Called, called_warm
 from console.running import Program, open_page
 from sleepcast.cli import main
 from small_worlds import write
@@ -36,7 +36,7 @@ def world(tmp_path: Path) -> Path:
 
 
 def outcome(*arguments: str | Path) -> dict[str, object]:
-    done = called("run", *map(str, arguments), "--json")
+    done = called_warm("run", *map(str, arguments), "--json")
     told = [line for line in done.err.splitlines() if "after the end" not in line]  # runs end before their missions do
     assert (done.status, told) == (0, [])
     found: dict[str, object] = json.loads(done.out)
@@ -73,7 +73,7 @@ def test_a_run_that_goes_on_can_be_recorded_and_verified(world: Path) -> None:
     outcome(world, "--seconds", "2.2", "--snapshot", file)
     plain = outcome("--from", file, "--seconds", "10", "--seed", "5")
     assert alike(outcome("--from", file, "--seconds", "10", "--seed", "5", "--record", record)) == alike(plain)
-    found = called("replay", str(record), "--verify", "--json")
+    found = called_warm("replay", str(record), "--verify", "--json")
     assert found.status == 0, found.err
     said = json.loads(found.out)
     assert said["verified"] == {"same": True, "compared": 3, "differs_from_tick": None}
@@ -120,7 +120,7 @@ def test_what_does_not_go_together_is_told(
 def test_a_scenario_that_has_ended_needs_seconds(world: Path) -> None:
     file = world / "end.snap"
     outcome(world, "--snapshot", file)
-    done = called("run", "--from", str(file))
+    done = called_warm("run", "--from", str(file))
     assert done.status == 2
     assert "the snapshot was taken at 60 s, and" in done.err
     assert "say with --seconds for how long to go on" in done.err
@@ -134,7 +134,7 @@ def test_a_damaged_snapshot_is_told_with_its_name(world: Path) -> None:
     whys = ("is not a sleepcast snapshot, or is incomplete", "is damaged")
     for spoilt, why in zip((data[: len(data) // 2], flipped(data)), whys, strict=True):
         file.write_bytes(spoilt)
-        done = called("run", "--from", str(file))
+        done = called_warm("run", "--from", str(file))
         assert (done.status, done.out) == (2, "")
         assert f"{file} {why}" in done.err
         assert "Traceback" not in done.err
@@ -195,7 +195,7 @@ def test_a_page_that_cannot_be_opened_leaves_everything_as_it_was(world: Path) -
     before = file.read_bytes()
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
-        done = called("demo", str(world), "--port", port, "--snapshot", str(file), "--record", str(record))
+        done = called_warm("demo", str(world), "--port", port, "--snapshot", str(file), "--record", str(record))
     assert (done.status, done.out) == (1, "")
     assert done.err.startswith(f"port {port} of 127.0.0.1 is in use")
     assert file.read_bytes() == before

@@ -89,14 +89,14 @@ class NomadRobot(BridgedBody):
 
     def seek(self) -> None:
         last, connection = self.now(), self._nomad.connection
-        found = Nomad.connect(connection.host, connection.port, robot=self._number, timeout=PATIENCE)
+        nomad = Nomad.connect(connection.host, connection.port, robot=self._number, timeout=PATIENCE)
         try:
-            self._greet(found)
+            self._greet(nomad)
         except BaseException:
-            found.connection.close()
+            nomad.connection.close()
             raise
-        self._before = max(self._before, last - found.state.time)  # a restarted server counts from 0
-        self._nomad, self._state = found, found.state
+        self._before = max(self._before, last - nomad.state.time)  # a restarted server counts from 0
+        self._nomad, self._state = nomad, nomad.state
 
     def leave(self) -> None:
         if self._lost is None and self._nomad.connection.open:
@@ -183,8 +183,8 @@ class NomadRobot(BridgedBody):
         sonars = self._ranges()
         step = TURN / len(sonars)
         wide = last - first if last - first >= TURN else (last - first) % TURN
-        there = [found for number, found in enumerate(sonars) if (number * step - first) % TURN <= wide]
-        return min((found for found in there if not isnan(found)), default=nan if there else _FARTHEST_ECHO)
+        there = [reading for number, reading in enumerate(sonars) if (number * step - first) % TURN <= wide]
+        return min((reading for reading in there if not isnan(reading)), default=nan if there else _FARTHEST_ECHO)
 
     def _ranges(self) -> list[float]:
         """Of the sonars, m, now; NaN where nothing is known."""
@@ -239,9 +239,14 @@ _DEGREE = pi / 180.0
 
 @dataclass(frozen=True, slots=True)
 class Base:
-    """A sort of Nomad. radius: of the body, m. limits: whatever is asked of it. track: between its wheels, m; 0 where
-    they steer together. units: what one of the wire is for each axis, m or rad; 0 for an axis that it lacks.
-    accelerations: of each axis at most, m/s2 or rad/s2."""
+    """A sort of Nomad.
+
+    radius: of the body, m.
+    limits: whatever is asked of it.
+    track: between its wheels, m; 0 where they steer together.
+    units: what one of the wire is for each axis, m or rad; 0 for an axis that it lacks.
+    accelerations: of each axis at most, m/s2 or rad/s2.
+    """
 
     name: str
     radius: float

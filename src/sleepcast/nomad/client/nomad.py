@@ -241,5 +241,5 @@ def _corners(corners: Points) -> list[tuple[int, int]]:
     return [(tenths(x), tenths(y)) for x, y in corners]
 
 
-def _contact(found: tuple[float, float, float] | None) -> Pose | None:
-    return None if found is None else Pose(metres(found[0]), metres(found[1]), found[2])
+def _contact(place: tuple[float, float, float] | None) -> Pose | None:
+    return None if place is None else Pose(metres(place[0]), metres(place[1]), place[2])

@@ -241,15 +241,15 @@ def _real_robots(given: Sequence[str], count: int) -> dict[int, RealAddress]:
     """The real robots of --real by the index of the simulated one. Raises MisuseError."""
     from sleepcast.nomad.server.relay import real_robot
 
-    found = {}
+    places = {}
     for text in given:
         number, _, uri = text.partition("=")
         if not (number.isdecimal() and 1 <= int(number) <= count):
             raise MisuseError(
                 f"--real wants the number of a robot, 1 to {count}, and where it is: 1=nomad://host:7019#1"
             )
-        found[int(number) - 1] = real_robot(uri)
-    return found
+        places[int(number) - 1] = real_robot(uri)
+    return places
 
 
 def _say(line: str) -> None:

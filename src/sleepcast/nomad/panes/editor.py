@@ -43,9 +43,9 @@ class NomadEditor:
         now = self._clock.now()
         if now - self._looked >= LOOK_AGAIN:
             self._looked = now
-            found = self._solids()
-            if found != self._outlines:
-                self._outlines, self._version = found, self._version + 1
+            outlines = self._solids()
+            if outlines != self._outlines:
+                self._outlines, self._version = outlines, self._version + 1
         return self._outlines
 
     def build(self, corners: Sequence[tuple[float, float]]) -> ObstacleChange:

@@ -44,9 +44,14 @@ class OrderField(msgspec.Struct, frozen=True):
 
 
 class NomadOrder(msgspec.Struct, frozen=True):
-    """One order. more: what may follow the fields, up to `at_most` numbers in all; filled: numbers that are missing
-    then are this. beside: its first number says how many corners follow, x and y of each, and so many numbers come
-    beside those; 0: it has no corners. text: takes words and no numbers. shown: has a button and fields on the page.
+    """One order.
+
+    more: what may follow the fields, up to `at_most` numbers in all.
+    filled: numbers that are missing then are this.
+    beside: its first number says how many corners follow, x and y of each, and so many numbers come beside those; 0: it
+        has no corners.
+    text: takes words and no numbers.
+    shown: has a button and fields on the page.
     """
 
     name: str

@@ -20,11 +20,15 @@ Saying = tuple[float, str]
 class Nomads(Protocol):
     """Robots that programs drive, and the solid things around them.
 
-    title: what the page calls it. count: of the robots. tenth: m of one unit of the Nomad's lengths. degree: rad of one
-    unit of its angles. area: the world's edge, least x, least y, greatest x, greatest y. speed: simulated seconds
-    in a second that are wanted, 0 while time stands still, infinite for as fast as possible. held: whether every body
-    is kept at rest, whatever is asked. Raises SleepcastError for what cannot be done, IndexError for a robot that there
-    is not.
+    title: what the page calls it.
+    count: of the robots.
+    tenth: m of one unit of the Nomad's lengths.
+    degree: rad of one unit of its angles.
+    area: the world's edge, least x, least y, greatest x, greatest y.
+    speed: simulated seconds in a second that are wanted, 0 while time stands still, infinite for as fast as possible.
+    held: whether every body is kept at rest, whatever is asked.
+
+    Raises SleepcastError for what cannot be done, IndexError for a robot that there is not.
     """
 
     @property

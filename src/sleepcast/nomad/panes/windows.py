@@ -48,8 +48,13 @@ class Trace(msgspec.Struct, array_like=True):
 
 
 class ShownRobot(msgspec.Struct, array_like=True):
-    """What a frame does not say of a robot on the map. turret: where it points, rad. believed: x, y, heading, turret; m
-    and rad. touched: how many contacts it feels. client, rivals: as in `nomad.RobotWindow`."""
+    """What a frame does not say of a robot on the map.
+
+    turret: where it points, rad.
+    believed: x, y, heading, turret; m and rad.
+    touched: how many contacts it feels.
+    client, rivals: as in `nomad.RobotWindow`.
+    """
 
     turret: float
     believed: Pose
@@ -104,13 +109,13 @@ class Tail(Generic[T]):
 
     def take(self, row: Sequence[T]) -> Added[T]:
         """What has come since this was last asked."""
-        last, found = self._last, deque[T]()
+        last, news = self._last, deque[T]()
         self._last = row[-1] if row else None
         for entry in reversed(row):
             if entry is last:
-                return Added(False, list(found))
-            found.appendleft(entry)
-        return Added(last is not None or bool(found), list(found))
+                return Added(False, list(news))
+            news.appendleft(entry)
+        return Added(last is not None or bool(news), list(news))
 
 
 class PageWindows:
@@ -142,15 +147,15 @@ class PageWindows:
         )
 
     def _traced(self) -> list[Trace]:
-        found = []
+        traces = []
         for robot, tails in enumerate(self._traces):
             window = self._nomads.window(robot)
             for layer, (tail, row) in enumerate(zip(tails, (window.actual, window.encoder), strict=True)):
                 added = tail.take(row)
                 if added.anew or added.items:
                     points = [None if isnan(n) else round(n, 3) for point in added.items for n in point]
-                    found.append(Trace(robot, layer, added.anew, points))
-        return found
+                    traces.append(Trace(robot, layer, added.anew, points))
+        return traces
 
 
 class _Rows:

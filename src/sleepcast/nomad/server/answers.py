@@ -153,15 +153,15 @@ def _part(session: ClientSession, simulated_robot: SimulatedRobot, kind: int, wo
 
     def reply() -> bytes:
         if part.reply is Reply.LASER:
-            found = list(NO_LASER)
+            block = list(NO_LASER)
         elif part.reply is Reply.ACCELERATION:
-            found = list(simulated_robot.accelerations)
+            block = list(simulated_robot.accelerations)
         else:
-            found = simulated_robot.state()[part.begin : part.end]
+            block = simulated_robot.state()[part.begin : part.end]
         if part.clock:
-            found += simulated_robot.posdata(session.mask.posdata & part.posdata)
-            found.append(tail(simulated_robot.condition())[0])
-        return session.reply(part.reply, found)
+            block += simulated_robot.posdata(session.mask.posdata & part.posdata)
+            block.append(tail(simulated_robot.condition())[0])
+        return session.reply(part.reply, block)
 
     return session.in_time(reply)
 

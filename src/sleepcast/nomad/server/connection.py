@@ -134,11 +134,11 @@ class ServerConnection(asyncio.BufferedProtocol):
                 break
             self.asked = self._loop.time()
             self._host.know(self)
-            found = answer(self.session, request)
-            if isinstance(found, bytes):
-                self._transport.write(found)
-            elif found is not None:
-                self.wait = found
+            outcome = answer(self.session, request)
+            if isinstance(outcome, bytes):
+                self._transport.write(outcome)
+            elif outcome is not None:
+                self.wait = outcome
                 self._host.waiting.add(self)
                 self._host.news()
         else:
@@ -186,7 +186,9 @@ PAGE = "the page"
 class ManualClient:
     """A person at the page who commands one robot.
 
-    wait: the reply that is still to come. reply: the last. turn: one request at a time.
+    wait: the reply that is still to come.
+    reply: the last.
+    turn: one request at a time.
     """
 
     def __init__(self, service: Service, robot: int) -> None:

@@ -55,9 +55,13 @@ class ServerError(SleepcastError):
 class Nserver:
     """The server of one world's robots.
 
-    windows: what it shows; tk_order: byte order of the clients' machines, for their texts; may_quit: whether a client
-    can end it; lockstep: see the module; headless: nobody can click at a window; real: the real robots, by the index of
-    the simulated one in whose place a client can put them; say: tells the person at the terminal.
+    windows: what it shows.
+    tk_order: byte order of the clients' machines, for their texts.
+    may_quit: whether a client can end it.
+    lockstep: see the module.
+    headless: nobody can click at a window.
+    real: the real robots, by the index of the simulated one in whose place a client can put them.
+    say: tells the person at the terminal.
     """
 
     def __init__(
@@ -274,10 +278,10 @@ def named_addresses() -> list[str]:
     """What this machine's own name stands for: where programs that name no server look for one. Empty for a name that
     nobody knows."""
     try:
-        found = socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET, socket.SOCK_STREAM)
+        addresses = socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET, socket.SOCK_STREAM)
     except (OSError, UnicodeError):  # the second for a name that can be none
         return []
-    return sorted({str(address[0]) for *_, address in found})
+    return sorted({str(address[0]) for *_, address in addresses})
 
 
 def own_addresses() -> list[str]:

@@ -55,8 +55,13 @@ class Pending:
 
 
 class Relay:
-    """See the module. mask: words of `ct` that the client has sent. timeout: the last of its `conf_tm`. nudge: called
-    whenever an answer has come. broken: why nothing can be asked any more, "" while all is well."""
+    """See the module.
+
+    mask: words of `ct` that the client has sent.
+    timeout: the last of its `conf_tm`.
+    nudge: called whenever an answer has come.
+    broken: why nothing can be asked any more, "" while all is well.
+    """
 
     def __init__(
         self,

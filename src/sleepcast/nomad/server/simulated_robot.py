@@ -43,8 +43,13 @@ Words = Sequence[int]
 
 
 class SimulatedRobot:
-    """See the module. clients: who is connected to it, as text. accelerations: what ac last asked for. timeout: seconds
-    without a request after which it stops, 0 for never; timed_by: who said so."""
+    """See the module.
+
+    clients: who is connected to it, as text.
+    accelerations: what ac last asked for.
+    timeout: seconds without a request after which it stops, 0 for never.
+    timed_by: who said so.
+    """
 
     def __init__(self, world: SimulatedWorld, robot: int, window: RobotWindow) -> None:
         self.world, self.robot, self.window = world, robot, window
@@ -362,15 +367,15 @@ class PosData:
 
     def words(self, sensors: int) -> list[int]:
         """The records of these sensors (bits as in the mask), in the order of the wire."""
-        found: list[Record] = []
+        records: list[Record] = []
         if sensors & POS_INFRARED:
-            found += self._infrared
+            records += self._infrared
         if sensors & POS_SONAR:
-            found += self._sonar
+            records += self._sonar
         if sensors & POS_BUMPER:
-            found.append(self._bumper)
+            records.append(self._bumper)
         if sensors & POS_LASER:
-            found.append(BLANK)
+            records.append(BLANK)
         if sensors & POS_COMPASS:
-            found.append(self._now)
-        return [word for record in found for word in record]
+            records.append(self._now)
+        return [word for record in records for word in record]

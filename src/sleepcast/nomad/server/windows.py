@@ -83,11 +83,16 @@ class RobotWindow:
     """What the windows of one robot show.
 
     actual, encoder: traces of where it was and of where it believed to be; a point of NaN is a gap, behind which it was
-    put elsewhere. far, near: what its sonars, and its infrared sensors and bumper, measured in the last minute.
-    commands, said: with the time (simulated s) at which each came. echoes: what its sonars saw, placed by where it
-    believed to be. condition: the latest. waiting: how many clients wait for a click in this window. client: who is
-    connected to it, "" for nobody. rivals: those who drive it together, "" while one alone does. held: who keeps it at
-    rest, "" for nobody. erased: how often each layer was.
+        put elsewhere.
+    far, near: what its sonars, and its infrared sensors and bumper, measured in the last minute.
+    commands, said: with the time (simulated s) at which each came.
+    echoes: what its sonars saw, placed by where it believed to be.
+    condition: the latest.
+    waiting: how many clients wait for a click in this window.
+    client: who is connected to it, "" for nobody.
+    rivals: those who drive it together, "" while one alone does.
+    held: who keeps it at rest, "" for nobody.
+    erased: how often each layer was.
     """
 
     actual: deque[Point] = field(default_factory=_trace)

@@ -32,7 +32,12 @@ POS_INFRARED, POS_SONAR, POS_BUMPER, POS_LASER, POS_COMPASS = 1, 2, 4, 8, 16
 
 
 def state_of(condition: Condition, *, steers: bool, speed: float, compass: bool) -> list[int]:
-    """The 45 numbers. steers: as of its world; speed: of the simulation; compass: whether it has one that is on."""
+    """The 45 numbers.
+
+    steers: as of its world.
+    speed: of the simulation.
+    compass: whether it has one that is on.
+    """
     state = [0] * ENTRIES
     state[0] = units.pace(speed)
     state[INFRARED:SONAR] = ring(condition.infrared, units.infrared, units.NOTHING_NEAR)
@@ -49,8 +54,8 @@ def state_of(condition: Condition, *, steers: bool, speed: float, compass: bool)
 
 def ring(readings: Sequence[float], encode: Callable[[float], int], nothing: int) -> list[int]:
     """What sixteen sensors say, of which the robot may have fewer."""
-    found = [encode(reading) for reading in readings[:RING]]
-    return found + [nothing] * (RING - len(found))
+    words = [encode(reading) for reading in readings[:RING]]
+    return words + [nothing] * (RING - len(words))
 
 
 def bumper(touched: Sequence[float], switches: int) -> int:
@@ -164,8 +169,11 @@ class Stamp(NamedTuple):
 class State:
     """One robot as its server last reported it.
 
-    words: State[0] to State[44] of a C program. laser: the scan, `laser_numbers` for each point. stamps: by sensor,
-    where they were asked for. clock: ms. batteries: raw readings of the computer's and of the motors', 0..255.
+    words: State[0] to State[44] of a C program.
+    laser: the scan, `laser_numbers` for each point.
+    stamps: by sensor, where they were asked for.
+    clock: ms.
+    batteries: raw readings of the computer's and of the motors', 0..255.
     """
 
     words: tuple[int, ...] = (0,) * ENTRIES

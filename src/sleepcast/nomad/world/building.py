@@ -44,11 +44,15 @@ def nomad_world(
 ) -> NomadWorld:
     """A world with robots in it.
 
-    world: a file or folder, see `sites`; None is an empty room. setup: its name or a file, see `setups`. robots:
-    number of robots; None: as many as the world has starts, or one. seed: replaces the world's own. crosstalk:
-    whether sonars mistake each other's pings for their own; None: as the setup says. tick: simulated seconds per
-    step. hurry: whether ticks should be as fast as possible even if kernels must be compiled first; otherwise up to
-    `FEW` robots use NumPy, which is ready at once. machine: see `Simulator`; None chooses according to `hurry`.
+    world: a file or folder, see `sites`; None is an empty room.
+    setup: its name or a file, see `setups`.
+    robots: number of robots; None: as many as the world has starts, or one.
+    seed: replaces the world's own.
+    crosstalk: whether sonars mistake each other's pings for their own; None: as the setup says.
+    tick: simulated seconds per step.
+    hurry: whether ticks should be as fast as possible even if kernels must be compiled first; otherwise up to `FEW`
+        robots use NumPy, which is ready at once.
+    machine: see `Simulator`; None chooses according to `hurry`.
 
     Unless the world says where, the first robot starts at the origin, heading east, with the others around it.
     Raises MisuseError, and SettingsError for errors in a file.

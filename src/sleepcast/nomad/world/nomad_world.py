@@ -575,7 +575,7 @@ class NomadSenses:
         i = np.concatenate((i, j))
         across, up = nearest_point(x[i], y[i], *lines[:, :4].T)
         angles = np.round(np.arctan2(up, across) - bodies.heading[i], 9) % (2.0 * np.pi)
-        found: list[set[float]] = [set() for _ in every]
+        felt: list[set[float]] = [set() for _ in every]
         for robot, angle in zip(i.tolist(), angles.tolist(), strict=True):
-            found[robot].add(angle)
-        return [tuple(sorted(each)) for each in found]
+            felt[robot].add(angle)
+        return [tuple(sorted(each)) for each in felt]

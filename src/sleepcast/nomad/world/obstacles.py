@@ -66,14 +66,14 @@ class PlacedObstacles:
     def fill(self, polygons: Sequence[Corners]) -> bool:
         """Replace all things except the edge by these polygons; False, without a change, if one is invalid or there are
         too many."""
-        found = [self._points(corners) for corners in polygons]
-        if len(found) > MAX_OBSTACLES or sum(map(len, found)) > MAX_SIDES or not all(map(_is_polygon, found)):
+        outlines = [self._points(corners) for corners in polygons]
+        if len(outlines) > MAX_OBSTACLES or sum(map(len, outlines)) > MAX_SIDES or not all(map(_is_polygon, outlines)):
             return False
         begin = self._world.following
         shapes: dict[int, Shape] = {self._edge: self._world.shapes[self._edge]}
-        shapes |= {number: Polygon(points) for number, points in enumerate(found, begin)}
-        self._world.fill(shapes, begin + len(found))
-        self._put_up = {number: len(points) for number, points in enumerate(found, begin)}
+        shapes |= {number: Polygon(points) for number, points in enumerate(outlines, begin)}
+        self._world.fill(shapes, begin + len(outlines))
+        self._put_up = {number: len(points) for number, points in enumerate(outlines, begin)}
         return True
 
     def remove(self, corners: Corners) -> bool:

@@ -29,9 +29,9 @@ CLOSE = 1e-9
 def first_along(things: Floats, radius: float, start: Point, end: Point) -> Contact | None:
     """Where a disc of `radius` m on the straight path from `start` to `end` first touches one of the `things`; None if
     the path is free. Things that it overlaps at the start are touched there."""
-    found = contact_at_rest(things, radius, start)
-    if found or not len(things):
-        return found
+    at_start = contact_at_rest(things, radius, start)
+    if at_start or not len(things):
+        return at_start
     apart = radius + things[:, 4] + SKIN
     across, up = np.full(len(things), end[0] - start[0]), np.full(len(things), end[1] - start[1])
     x, y = np.full(len(things), start[0]), np.full(len(things), start[1])
@@ -51,9 +51,9 @@ def first_round(things: Floats, radius: float, centre: Point, orbit: float, begi
     """Where a disc of `radius` m first touches one of the `things` on the circle of radius `orbit` m around `centre`,
     from the angle `begin` to `end`, rad; longer paths count as one full turn."""
     start = centre[0] + orbit * cos(begin), centre[1] + orbit * sin(begin)
-    found = contact_at_rest(things, radius, start)
-    if found or not len(things) or orbit <= 0.0 or begin == end:
-        return found
+    at_start = contact_at_rest(things, radius, start)
+    if at_start or not len(things) or orbit <= 0.0 or begin == end:
+        return at_start
     apart = radius + things[:, 4] + SKIN
     sense = 1.0 if end > begin else -1.0
     angles = _crossings(things, apart, centre, orbit)
@@ -73,21 +73,21 @@ def _crossings(things: Floats, apart: Floats, centre: Point, orbit: float) -> Fl
     x0, y0, x1, y1, _ = things.T
     ex, ey = x1 - x0, y1 - y0
     length = np.hypot(ex, ey)
-    found = []
+    angles = []
     with np.errstate(divide="ignore", invalid="ignore"):
         # Along the normal of the line, the centre lies `height` from it.
         normal = np.arctan2(ex, -ey)
         height = ((centre[1] - y0) * ex - (centre[0] - x0) * ey) / length
         for side in (apart, -apart):
             half = np.arccos((side - height) / orbit)
-            found += [normal + half, normal - half]
+            angles += [normal + half, normal - half]
         for x, y in ((x0, y0), (x1, y1)):
             across, up = x - centre[0], y - centre[1]
             away = np.hypot(across, up)
             half = np.arccos((orbit * orbit + away * away - apart * apart) / (2.0 * orbit * away))
             towards = np.arctan2(up, across)
-            found += [towards + half, towards - half]
-    return np.array(found)
+            angles += [towards + half, towards - half]
+    return np.array(angles)
 
 
 def contact_at_rest(things: Floats, radius: float, place: Point) -> Contact | None:

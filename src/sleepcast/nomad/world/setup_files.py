@@ -50,8 +50,13 @@ YES, NO = frozenset({"1", "yes", "true", "on"}), frozenset({"0", "no", "false", 
 
 
 class Entry(NamedTuple):
-    """A key with its values. section, key: in small letters; values: words; rest: what stands behind the key in its
-    line; where: file and line, for errors."""
+    """A key with its values.
+
+    section, key: in small letters.
+    values: words.
+    rest: what stands behind the key in its line.
+    where: file and line, for errors.
+    """
 
     section: str
     key: str
@@ -78,24 +83,24 @@ class Entry(NamedTuple):
 
     def numbers(self, count: int) -> list[float]:
         """So many numbers. Raises SettingsError."""
-        found = [float(value) for value in self.values if _NUMBER.fullmatch(value)]
-        if len(self.values) != count or len(found) != count or not all(map(isfinite, found)):
+        numbers = [float(value) for value in self.values if _NUMBER.fullmatch(value)]
+        if len(self.values) != count or len(numbers) != count or not all(map(isfinite, numbers)):
             raise self.wrong("a number" if count == 1 else f"{count} numbers")
-        return found
+        return numbers
 
     def number(self, low: float, high: float, what: str) -> float:
         """One number from `low` to `high`. Raises SettingsError."""
-        (found,) = self.numbers(1)
-        if not low <= found <= high:
+        (number,) = self.numbers(1)
+        if not low <= number <= high:
             raise self.wrong(f"{what} from {low:g} to {high:g}")
-        return found
+        return number
 
     def whole(self, low: int, high: int, what: str) -> int:
         """One whole number from `low` to `high`. Raises SettingsError."""
-        found = self.number(low, high, what)
-        if found != int(found):
+        number = self.number(low, high, what)
+        if number != int(number):
             raise self.wrong(f"{what}, a whole number")
-        return int(found)
+        return int(number)
 
     def truth(self) -> bool:
         """Yes or no. Raises SettingsError."""
@@ -106,16 +111,22 @@ class Entry(NamedTuple):
 
     def text(self) -> str:
         """A text, perhaps in quotes. Raises SettingsError."""
-        found = self.rest.strip("\"'")
-        if not found or len(self.values) > len(_words(self.rest)):
+        text = self.rest.strip("\"'")
+        if not text or len(self.values) > len(_words(self.rest)):
             raise self.wrong("a text in one line")
-        return found
+        return text
 
 
 @dataclass(frozen=True, slots=True)
 class WorldSetup:
-    """What a world.setup says, and None where it says nothing. port: for programs; may_quit: whether they may end the
-    server; robots: their number; map: a file with a world. ignored: sentences about what was left out."""
+    """What a world.setup says, and None where it says nothing.
+
+    port: for programs.
+    may_quit: whether they may end the server.
+    robots: their number.
+    map: a file with a world.
+    ignored: sentences about what was left out.
+    """
 
     port: int | None = None
     may_quit: bool | None = None
@@ -128,10 +139,10 @@ def read_world_setup(file: Path) -> WorldSetup:
     """The world.setup in a file. Raises SettingsError."""
 
     def map_of(entry: Entry, made: WorldSetup) -> WorldSetup:
-        found = file.parent / entry.text()
-        if found.suffix.casefold() == SUFFIX:
+        map_file = file.parent / entry.text()
+        if map_file.suffix.casefold() == SUFFIX:
             raise entry.wrong("a world, not another setup")
-        return replace(made, map=found)
+        return replace(made, map=map_file)
 
     return _read(file, WorldSetup(), {**_WORLD, "map": map_of})
 
@@ -151,10 +162,10 @@ Made = TypeVar("Made", WorldSetup, Setup)
 
 def _read(file: Path, made: Made, known: dict[str, Callable[[Entry, Made], Made]]) -> Made:
     """`made` with what the keys in a file say that are known."""
-    found = [(entry, known.get(entry.name) or known.get(entry.bare)) for entry in _entries(file)]
-    latest = {take: entry for entry, take in found}
+    takers = [(entry, known.get(entry.name) or known.get(entry.bare)) for entry in _entries(file)]
+    latest = {take: entry for entry, take in takers}
     ignored: list[str] = []
-    for entry, take in found:
+    for entry, take in takers:
         again = "" if take is None or latest[take] is entry else f", as {latest[take].where} says it again"
         if take is None or again:
             ignored.append(f"{entry.where}: ignored{again}: {printable(entry.written)[:BRIEF]}")
@@ -173,10 +184,10 @@ def _entries(file: Path) -> Iterator[Entry]:
         if not values:
             continue
         where = f"{file}:{number}"
-        if found := _SECTION.fullmatch(written):
+        if header := _SECTION.fullmatch(written):
             if entry.where:
                 yield entry
-            section, entry = found[1].strip().casefold(), _NONE
+            section, entry = header[1].strip().casefold(), _NONE
         elif entry.key and all(map(_NUMBER.fullmatch, values)):
             entry.values.extend(values)
             if len(entry.values) > MAX_VALUES:
@@ -195,8 +206,8 @@ _NONE = Entry("", "", [], "", "", "")
 
 def _key_of(written: str) -> tuple[str, str]:
     """The key of a line, "" if there is none, and what stands behind it."""
-    found = _ENTRY.fullmatch(written)
-    return (found[1].casefold(), found[2].strip()) if found else ("", "")
+    pair = _ENTRY.fullmatch(written)
+    return (pair[1].casefold(), pair[2].strip()) if pair else ("", "")
 
 
 def _words(written: str) -> list[str]:
@@ -252,11 +263,11 @@ def _ring(change: Callable[[Entry, Ring], Ring]) -> Callable[[Entry, Setup], Set
 
 
 def _order(entry: Entry, ring: Ring) -> Ring:
-    found = entry.numbers(len(entry.values))
-    found = found[: found.index(END_OF_ORDER)] if END_OF_ORDER in found else found
-    if not 1 <= len(found) <= MAX_ORDER or not set(found) <= set(range(ring.count)):
+    order = entry.numbers(len(entry.values))
+    order = order[: order.index(END_OF_ORDER)] if END_OF_ORDER in order else order
+    if not 1 <= len(order) <= MAX_ORDER or not set(order) <= set(range(ring.count)):
         raise entry.wrong(f"numbers of sonars from 0 to {ring.count - 1}")
-    return replace(ring, order=tuple(map(int, found)))
+    return replace(ring, order=tuple(map(int, order)))
 
 
 def _error(entry: Entry, made: Setup) -> Setup:

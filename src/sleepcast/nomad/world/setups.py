@@ -44,9 +44,15 @@ class Infrared:
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """The equipment of Nomads. robots: as for other robots; track: of their wheels, m; speeds, accelerations: limits of
-    their axes, NaN for missing axes; steers: whether the axes are drive, steering and turret, and not two wheels;
-    infrared: None without. ignored: sentences about what its file says and nothing here uses."""
+    """The equipment of Nomads.
+
+    robots: as for other robots.
+    track: of their wheels, m.
+    speeds, accelerations: limits of their axes, NaN for missing axes.
+    steers: whether the axes are drive, steering and turret, and not two wheels.
+    infrared: None without.
+    ignored: sentences about what its file says and nothing here uses.
+    """
 
     robots: RobotSpec
     track: float

@@ -59,8 +59,12 @@ class Start:
 
 @dataclass(frozen=True, slots=True)
 class Site:
-    """A world for Nomads, of `width` by `height` m, without its edge. origin: the point of their 0, 0; starts: where
-    they start, empty if the world does not say; seed: random seed."""
+    """A world for Nomads, of `width` by `height` m, without its edge.
+
+    origin: the point of their 0, 0.
+    starts: where they start, empty if the world does not say.
+    seed: random seed.
+    """
 
     path: Path
     width: float

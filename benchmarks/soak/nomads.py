@@ -17,7 +17,7 @@ PORT = 7019
 
 
 async def serve(count: int) -> None:
-    world = nomad_world(None, "ideal", count, 1, tick=TICK, hurry=True)
+    world = nomad_world(None, "ideal", count, 1, tick=TICK, expedite=True)
     server = Nserver(world, windows=Windows(world.count), headless=True, say=lambda line: print(line, flush=True))
     await server.listen(["0.0.0.0"], PORT)
     print(f"port {PORT} is up", flush=True)

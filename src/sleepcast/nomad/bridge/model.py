@@ -22,7 +22,7 @@ _VOLTS = (0.0, 13.0)
 
 
 def sensors(base: Base) -> tuple[Quantity, ...]:
-    """Of a sort of Nomad, in the order of a reading."""
+    """Of one type of Nomad, in the order of a reading."""
     # Another program may drive the same robot as fast as it can go, and a bit faster than the limits say.
     speed, turn = 1.1 * BASES[base.name].limits.speed, 3.0 * BASES[base.name].limits.turn_rate
     common = (
@@ -49,7 +49,7 @@ def sensors(base: Base) -> tuple[Quantity, ...]:
 
 
 def functions(base: Base) -> tuple[HostFunction, ...]:
-    """Of a sort of Nomad."""
+    """Of one type of Nomad."""
     if base.track:
         return (*_axes("right left", (SPEED,) * 2, (LENGTH,) * 2, (ACCELERATION,) * 2), *_places(""), *FUNCTIONS)
     speeds, ways, accelerations = (SPEED, RATE, RATE), (LENGTH, NONE, NONE), (ACCELERATION, None, None)
@@ -150,7 +150,7 @@ FUNCTIONS = (
 
 
 def model_of(base: Base) -> RobotModel:
-    """What all Nomads of a sort have in common."""
+    """What all Nomads of one type have in common."""
     speed, turn = base.limits.speed, base.limits.turn_rate
     return RobotModel(
         base.name,

@@ -37,7 +37,7 @@ class NomadRobot(BridgedBody):
     """See the module; `nomad` names what expressions may ask of it. SI units; x, y and heading are what its encoders
     give, in the frame of the server's world.
 
-    base: its sort. Its motions have a value for each axis: "speeds" (m/s, rad/s), "way" (m, rad), and "limp" has none.
+    base: its type. Its motions have a value for each axis: "speeds" (m/s, rad/s), "way" (m, rad), and "limp" has none.
     """
 
     RENEWS = False
@@ -239,7 +239,7 @@ _DEGREE = pi / 180.0
 
 @dataclass(frozen=True, slots=True)
 class Base:
-    """A sort of Nomad.
+    """A type of Nomad.
 
     radius: of the body, m.
     limits: whatever is asked of it.

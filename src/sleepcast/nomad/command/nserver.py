@@ -137,10 +137,12 @@ def nserver(
         from sleepcast.nomad.server.windows import Windows
         from sleepcast.nomad.world.building import nomad_world
 
-        hurry = lockstep or speed > QUICK
+        expedite = lockstep or speed > QUICK
         given = _given(world)
         with compiling():
-            simulated = nomad_world(given.map, setup, robots or given.robots, seed, crosstalk=crosstalk, hurry=hurry)
+            simulated = nomad_world(
+                given.map, setup, robots or given.robots, seed, crosstalk=crosstalk, expedite=expedite
+            )
         for line in (*given.ignored, *simulated.setup.ignored):
             _say(line)
         real_robots = _real_robots(real, simulated.count)

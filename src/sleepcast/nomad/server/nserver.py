@@ -218,7 +218,7 @@ class Nserver:
 
     def admit(self, line: ServerConnection) -> bool:
         """Take a new connection; False if there are too many. One that has not asked anything yet only takes the place
-        of others of this sort."""
+        of others like it."""
         most = room(MAX_CLIENTS, 2)
         if len(self.lines) - len(self._strangers) >= most:
             self.service.say(f"{line.session.peer} is turned away: {most} clients are enough")

@@ -1,4 +1,4 @@
-"""The requests of the wire by number and name: how many words each takes, and what sort of reply it gets.
+"""The requests of the wire by number and name: how many words each takes, and what kind of reply it gets.
 
 Lengths are tenths of inches, angles tenths of degrees. Of a body on two wheels the three axes are the right wheel, the
 left wheel and nothing; of one that steers they are translation, steering and turret.

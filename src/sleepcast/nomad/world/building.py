@@ -39,7 +39,7 @@ def nomad_world(
     *,
     crosstalk: bool | None = None,
     tick: float = TICK,
-    hurry: bool = False,
+    expedite: bool = False,
     machine: Machine | None = None,
 ) -> NomadWorld:
     """A world with robots in it.
@@ -50,9 +50,9 @@ def nomad_world(
     seed: replaces the world's own.
     crosstalk: whether sonars mistake each other's pings for their own; None: as the setup says.
     tick: simulated seconds per step.
-    hurry: whether ticks should be as fast as possible even if kernels must be compiled first; otherwise up to `FEW`
+    expedite: whether ticks should be as fast as possible even if kernels must be compiled first; otherwise up to `FEW`
         robots use NumPy, which is ready at once.
-    machine: see `Simulator`; None chooses according to `hurry`.
+    machine: see `Simulator`; None chooses according to `expedite`.
 
     Unless the world says where, the first robot starts at the origin, heading east, with the others around it.
     Raises MisuseError, and SettingsError for errors in a file.
@@ -63,7 +63,7 @@ def nomad_world(
         raise MisuseError(f"a tick of {tick} s: wanted 0.001 to 1")
     made, site = _heard(_equipment(setup), crosstalk), read_site(world, robots, seed)
     count = robots or max(1, len(site.starts))
-    if machine is None and count <= FEW and not hurry:
+    if machine is None and count <= FEW and not expedite:
         machine = NumPyMachine()
     elif machine is None:
         _warm_up()

@@ -22,7 +22,7 @@ NUMBERED = (*range(ACTIVE0 + 1), *range(ACTIVE0 + BUFFERS, len(SUPPORT)))
 """Slots of the support variables that a robot tells as numbers."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SlotMap:
     """Where what robots of one type tell belongs.
 

@@ -38,10 +38,11 @@ class PlacedRow:
     own: variables that it made itself, by slot
     """
 
-    __slots__ = ("own", "record", "slots")
+    __slots__ = ("own", "record", "slots", "told")
 
     def __init__(self, record: TelemetryRecord, slots: SlotMap, own: Mapping[int, float]) -> None:
         self.record, self.slots, self.own = record, slots, own
+        self.told = record.values
 
     def __getitem__(self, slot: int) -> float:
         if (place := self.slots.places.get(slot)) is not None:
@@ -62,6 +63,8 @@ class CopiedRow:
     """What a robot of this process told: its numbers by slot, which are copied, and the keys of its groups."""
 
     __slots__ = ("groups", "numbers")
+    slots = None
+    told = b""
 
     def __init__(self, numbers: SlotValues, groups: frozenset[str]) -> None:
         self.numbers, self.groups = copy(numbers), groups
@@ -73,35 +76,53 @@ class CopiedRow:
             return nan
 
 
+class RobotsOfType:
+    """Robots whose numbers stand in one order, with their places.
+
+    slots: where these numbers belong, None for robots of this process
+    """
+
+    def __init__(self, slots: SlotMap | None) -> None:
+        self._slots = slots
+        self.places: list[int] = []
+        self.rows: list[PlacedRow | CopiedRow] = []
+
+    def column(self, slot: int) -> Column | list[float]:
+        """A variable of these robots."""
+        place = None if self._slots is None else self._slots.places.get(slot)
+        if place is None:
+            return [row[slot] for row in self.rows]
+        first, last = NUMBER * place, NUMBER * (place + 1)
+        told = b"".join([row.told[first:last] for row in self.rows])
+        numbers = np.frombuffer(told, "<f8")
+        return np.where(np.isfinite(numbers), numbers, nan)
+
+
 class ToldRows:
     """What robots had told at a moment, by place, None for who had told nothing; as columns."""
 
     def __init__(self, rows: Sequence[PlacedRow | CopiedRow | None]) -> None:
         self._rows = rows
-        self._types: list[tuple[SlotMap | None, list[int], list[PlacedRow | CopiedRow]]] | None = None
+        self._types: list[RobotsOfType] | None = None
 
     def column(self, slot: int) -> Column:
         """A variable of all robots."""
         if self._types is None:
             self._types = self._by_type()
         values = np.full(len(self._rows), nan)
-        for slots, places, rows in self._types:
-            place = None if slots is None else slots.places.get(slot)
-            if place is None:
-                values[places] = [row[slot] for row in rows]
-            else:
-                values[places] = _numbers_at(place, rows)
+        for robots in self._types:
+            values[robots.places] = robots.column(slot)
         return values
 
-    def _by_type(self) -> list[tuple[SlotMap | None, list[int], list[PlacedRow | CopiedRow]]]:
-        """Robots whose numbers stand in one order together, with their places."""
-        types: dict[int, tuple[SlotMap | None, list[int], list[PlacedRow | CopiedRow]]] = {}
+    def _by_type(self) -> list[RobotsOfType]:
+        types: dict[SlotMap | None, RobotsOfType] = {}
         for place, row in enumerate(self._rows):
             if row is not None:
-                slots = row.slots if isinstance(row, PlacedRow) else None
-                _, places, rows = types.setdefault(id(slots), (slots, [], []))
-                places.append(place)
-                rows.append(row)
+                robots = types.get(row.slots)
+                if robots is None:
+                    robots = types[row.slots] = RobotsOfType(row.slots)
+                robots.places.append(place)
+                robots.rows.append(row)
         return list(types.values())
 
     def groups(self) -> dict[str, Mask]:
@@ -113,15 +134,6 @@ class ToldRows:
                     groups[key] = np.zeros(len(self._rows), np.bool_)
                 groups[key][place] = True
         return groups
-
-
-def _numbers_at(place: int, rows: Sequence[PlacedRow | CopiedRow]) -> Column:
-    """The numbers that stand at one place in what each of these robots told, NaN for unknown."""
-    first, last = NUMBER * place, NUMBER * (place + 1)
-    numbers = np.frombuffer(
-        b"".join([row.record.values[first:last] for row in rows if isinstance(row, PlacedRow)]), "<f8"
-    )
-    return np.where(np.isfinite(numbers), numbers, nan)
 
 
 class SharesSymbols(ABC):

@@ -451,8 +451,9 @@ class SentCommands:
             del self._commands[next(iter(self._commands))]
 
     def go_back(self, time: float) -> None:
-        """Forget what was sent and answered after `time`, s."""
-        self._commands = {key: each for key, each in self._commands.items() if each.message.issued <= time}
+        """Forget what was answered after `time`, s, and what was sent from then on: a command is on the air only in the
+        tick after it was issued, which is not over at `time`."""
+        self._commands = {key: each for key, each in self._commands.items() if each.message.issued < time}
         self._looks.clear()
         latches = [each for each in self._commands.values() if each.kind in (Kind.STOP, Kind.RELEASE)]
         self.latch = latches[-1] if latches else None

@@ -17,7 +17,7 @@ import pytest
 
 from channel.test_udp import free_port
 from cli.calling import Called, called_warm
-from cli.test_swarm import account, swarm
+from cli.test_swarm import account, at_rest, swarm
 from processes import live_in
 from sleepcast.api.connection import journal_of, open_journal
 from sleepcast.cli import main
@@ -219,7 +219,7 @@ def test_a_run_is_written_when_asked(tmp_path: Path) -> None:
 def test_commands_on_the_air_are_written_by_whoever_sends_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     live_in(tmp_path, monkeypatch)
     channel = f"udp://239.255.83.78:{free_port()}?interface=lo"
-    with swarm(2, channel):
+    with swarm(2, channel, *at_rest(tmp_path)):
         sent = account(channel, "send", "(WHEN (> id 1) (DRIVE 1 0))")
         stopped = account(channel, "stop", "--journal", str(tmp_path / "stops.db"))
         refused = called_warm("send", "(DRIVE 1 0)", "--channel", channel)

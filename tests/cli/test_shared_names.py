@@ -14,7 +14,7 @@ import pytest
 from channel.test_udp import free_port
 from cli.calling import Called, again_until, called_warm
 from cli.test_stop import wait_for
-from cli.test_swarm import swarm
+from cli.test_swarm import at_rest, swarm
 from processes import SLEEPCAST, live_in, running
 
 BOTH_HEARD = re.compile(r"2 robots have the name r1, one at 1\S+ \(epoch \d+\), one at 1\S+ \(epoch \d+\)")
@@ -38,8 +38,9 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shared]:
     uri = f"udp://239.255.83.77:{free_port()}?interface=lo"
     node = (*SLEEPCAST, "node", "--name", "r1", "--body", "sim", "--no-store", "--channel", uri)
     with pytest.MonkeyPatch.context() as patch:
-        live_in(tmp_path_factory.mktemp("home"), patch)
-        with swarm(2, uri) as many, running(*node, up="r1 is up") as one:
+        home = tmp_path_factory.mktemp("home")
+        live_in(home, patch)
+        with swarm(2, uri, *at_rest(home)) as many, running(*node, up="r1 is up") as one:
             yield Shared(uri, one, [wait_for(process, "our name")[-1] for process in (many, one)])
 
 

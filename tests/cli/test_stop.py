@@ -14,7 +14,7 @@ import pytest
 from channel.test_udp import free_port
 from cli.calling import LONGEST, Called, again_until, called_warm
 from cli.terminal import terminal
-from cli.test_swarm import account, channel, swarm
+from cli.test_swarm import account, at_rest, channel, swarm
 from processes import SLEEPCAST, live_in, running
 from sleepcast.station.roster import FleetFile
 
@@ -37,8 +37,9 @@ def three(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """The channel of the robots r1 to r3, whose desk has heard them."""
     uri = f"udp://239.255.83.78:{free_port()}?interface=lo"
     with pytest.MonkeyPatch.context() as patch:
-        live_in(tmp_path_factory.mktemp("home"), patch)
-        with swarm(3, uri):
+        home = tmp_path_factory.mktemp("home")
+        live_in(home, patch)
+        with swarm(3, uri, *at_rest(home)):
             again_until(lambda asked: asked["n"] == 3, lambda: account(uri, "ask", "id"))
             yield uri
 
@@ -117,11 +118,11 @@ def test_it_goes_on_until_each_expected_robot_has_confirmed(channel: str, tmp_pa
         return called_warm(*arguments, "--channel", channel)
 
     (tmp_path / "fleet.txt").write_text("r1 r2")
-    with swarm(1, channel):
+    with swarm(1, channel, *at_rest(tmp_path)):
         assert on_air("roster", "--expect", str(tmp_path / "fleet.txt")).status == 0
-        with running(*SLEEPCAST, "stop", "--accepted", "--channel", channel) as stop:  # it begins at 30 kn
+        with running(*SLEEPCAST, "stop", "--channel", channel) as stop:
             wait_for(stop, "silent 1 of 2 robots: r2")
-            with swarm(1, channel, "--first", "2"):
+            with swarm(1, channel, "--first", "2", *at_rest(tmp_path)):
                 out, _ = stop.communicate(timeout=LONGEST)
                 assert stop.returncode == 0
                 assert "stopped 2: r1, r2" in out
@@ -209,7 +210,7 @@ def test_a_stop_that_no_disk_holds_is_no_success_and_the_next_life_begins_stoppe
     import resource
 
     store = tmp_path / "two.store"
-    with swarm(2, channel, "--store", str(store)) as process:
+    with swarm(2, channel, "--store", str(store), *at_rest(tmp_path)) as process:
         soft, hard = resource.prlimit(process.pid, resource.RLIMIT_FSIZE)
         resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (1, hard))
         stopped = called_warm("stop", "--expect", "2", "--channel", channel)
@@ -225,7 +226,7 @@ def test_a_stop_that_no_disk_holds_is_no_success_and_the_next_life_begins_stoppe
         resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (1, hard))
         assert json.loads(called_warm("stop", "--json", "--channel", channel).out)["not_stored"] == ["r1", "r2"]
         process.kill()
-    with swarm(2, channel, "--store", str(store)):
+    with swarm(2, channel, "--store", str(store), *at_rest(tmp_path)):
         robots = json.loads(called_warm("watch", "--once", "--json", "--channel", channel).out)["robots"]
         assert [(robot["stopped"], robot["doubt"]) for robot in robots] == [(True, "its store has lost its marker")] * 2
 

@@ -14,6 +14,7 @@ import pytest
 from channel.test_udp import free_port
 from cli.calling import LONGEST, Called, again_until, called_here, called_warm
 from processes import SLEEPCAST, live_in, running
+from small_worlds import write
 
 
 @pytest.fixture
@@ -26,6 +27,11 @@ def channel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 def swarm(count: int, channel: str, *options: str) -> AbstractContextManager[subprocess.Popen[str]]:
     """A swarm that is up."""
     return running(*SLEEPCAST, "swarm", count, "--channel", channel, *options, up=f"are up: {count} robots")
+
+
+def at_rest(folder: Path) -> tuple[str, str]:
+    """Options for robots that stand still: a craft of bravo begins at 30 kn, and brakes for half a minute."""
+    return "--scenario", str(write(folder))
 
 
 def in_time(channel: str, *arguments: str) -> Called:
@@ -53,7 +59,9 @@ def too_late(out: str, err: str) -> bool:
 def test_each_robot_of_a_swarm_decides_for_itself(channel: str, tmp_path: Path) -> None:
     rules = tmp_path / "begin.sleep"
     rules.write_text("(DEFVAR mine (* 2 id))")
-    with swarm(4, channel, "--first", "7", "--name-prefix", "scout", "--rules", str(rules)) as process:
+    with swarm(
+        4, channel, "--first", "7", "--name-prefix", "scout", "--rules", str(rules), *at_rest(tmp_path)
+    ) as process:
         asked = account(channel, "ask", "mine")
         assert [asked[key] for key in ("n", "min", "max")] == [4, 14.0, 20.0]
         told = account(channel, "send", "(WHEN (> id 8) (DRIVE 1 0))")

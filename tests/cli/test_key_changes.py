@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from cli.calling import LONGEST, called_here, called_warm
-from cli.test_swarm import account, channel, swarm
+from cli.test_swarm import account, at_rest, channel, swarm
 from sleepcast.api.connection import FLEET, AirOptions, keeper_for, session_for
 from sleepcast.channel.keyring import KeyFileLostError, add_trust, key_file, load_trust, save_key, save_trust
 from sleepcast.channel.keys import KeyChange, KeyPair, Trust
@@ -80,7 +80,7 @@ def test_no_key_goes_farther_on_the_wire_than_it_may(channel: str, tmp_path: Pat
 
     standing, release = (Kind.COMMAND, "(RULE bad (JOIN bad))", True), (Kind.RELEASE, "", False)
     command = (Kind.COMMAND, "(WHEN (> id 0) (JOIN bad))", False)
-    with swarm(2, channel, "--key", "*") as robots:
+    with swarm(2, channel, "--key", "*", *at_rest(tmp_path)) as robots:
         assert account(channel, "stop", "--key", "watch")["n_matched"] == 2
         refused = called_warm("release", "--key", "watch", "--channel", channel)
         assert (refused.status, refused.out) == (2, "")

@@ -76,7 +76,7 @@ def run() -> Iterator[Run]:
 
 def values(robot: bytes) -> object:
     """What is known of a robot but for its reports, which the station keeps."""
-    return msgspec.structs.replace(msgspec.json.decode(robot, type=outgoing.WatchedRobot), said=[])
+    return msgspec.structs.replace(msgspec.json.decode(robot, type=outgoing.WatchedRobot), reports=[])
 
 
 def test_every_moment_is_as_it_was(run: Run) -> None:

@@ -245,6 +245,8 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         """The texts of types and minds, as they were received."""
         self._learned: OrderedDict[Digest, SymbolTable] = OrderedDict()
         self._minds: dict[str, RemoteMind] = {}
+        self._learned_all = -1
+        """How many `changes` there had been when no mind was missing: until the next one, none is."""
         self._waiting: dict[str, RemoteMind] = {}
         """Robots whose names are not known yet, or cannot be united with those of others."""
         self._united = -inf
@@ -415,7 +417,11 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         types = (
             (m.telemetry.type, m.name) for m in self._waiting.values() if room and m.telemetry.type not in self.types
         )
-        minds = ((m.telemetry.mind, m.name) for m in self._minds.values() if m.telemetry.mind not in self._learned)
+        minds: list[tuple[Digest, str]] = []
+        if self._learned_all != self.changes:
+            minds = [(m.telemetry.mind, m.name) for m in self._minds.values() if m.telemetry.mind not in self._learned]
+            if not minds:
+                self._learned_all = self.changes
         asked = ((Inspection.VOCABULARY, types), (Inspection.MIND, minds))
         return [TelemetryRequest(look, robots) for look, lacking in asked if (robots := self._chosen(lacking, now))]
 

@@ -11,10 +11,11 @@ from __future__ import annotations
 
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
 from math import inf
 from random import Random
 from typing import NamedTuple
+
+import msgspec
 
 from sleepcast.channel.clock_sync import ClockOffsets, WrongClocks
 from sleepcast.channel.drops import DropCounter, DropReason
@@ -79,8 +80,7 @@ OLDEST = 3_600.0
 """Seconds after which a message without a deadline is dropped; standing commands are sent again."""
 
 
-@dataclass(slots=True)
-class ReplayWindow:
+class ReplayWindow(msgspec.Struct):
     """The messages received from one sender in one epoch. latest: number of the newest; numbers: those received, as
     bits: bit i is message `latest - i`."""
 
@@ -157,12 +157,11 @@ class Admitted(NamedTuple):
     datagrams: tuple[bytes, ...]
 
 
-@dataclass(slots=True)
-class Reassembly:
+class Reassembly(msgspec.Struct):
     """A long message, some of whose parts have arrived."""
 
     parts: int
-    pieces: dict[int, tuple[bytes, bytes]] = field(default_factory=dict)
+    pieces: dict[int, tuple[bytes, bytes]] = msgspec.field(default_factory=dict)
     """By part number: the content, and the datagram."""
 
 

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 from enum import Enum, auto
+
+import msgspec
 
 from sleepcast.channel.message import AGAIN, FOR, NOT, Message
 
@@ -47,8 +48,7 @@ class BudgetDecision(Enum):
     DROPPED = auto()
 
 
-@dataclass(slots=True)
-class _Account:
+class _Account(msgspec.Struct):
     """left: bytes; since: when that was so, s."""
 
     left: float

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Protocol, overload
 
 import msgspec
@@ -32,8 +31,7 @@ class Contents(Protocol):
     def body(self, index: int) -> Body: ...
 
 
-@dataclass(frozen=True, slots=True)
-class AnswerColumns:
+class AnswerColumns(msgspec.Struct, frozen=True):
     """Answers to the message `command`, as columns.
 
     outcomes: those that there are
@@ -50,7 +48,7 @@ class AnswerColumns:
     value: Column
     faults: tuple[str, ...]
     fault: NDArray[np.int32]
-    details: Body = field(default_factory=dict)
+    details: Body = msgspec.field(default_factory=dict)
 
     @classmethod
     def alike(
@@ -85,8 +83,7 @@ class AnswerColumns:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class Reports:
+class Reports(msgspec.Struct, frozen=True):
     """Reports under one label: a column for each value, NaN for unknown. rule: that was deactivated, "" for none."""
 
     label: str
@@ -102,8 +99,7 @@ class Reports:
         return body | {RULE: self.rule} if self.rule else body
 
 
-@dataclass(frozen=True, slots=True)
-class Relays:
+class Relays(msgspec.Struct, frozen=True):
     """One expression that all these robots tell the others, with the hops that it may go. driver: the operator who
     drives them, "" for none."""
 
@@ -118,8 +114,7 @@ class Relays:
         return {HOPS: self.hops, DRIVER: self.driver} if self.driver else {HOPS: self.hops}
 
 
-@dataclass(frozen=True, slots=True)
-class MessageBatch:
+class MessageBatch(msgspec.Struct, frozen=True):
     """One message from each of some robots.
 
     names: of all robots

@@ -15,10 +15,11 @@ A conflict ends when all but one have been silent for `LASTS`. The rule is descr
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from math import inf, isfinite
 from random import Random
 from re import fullmatch
+
+import msgspec
 
 from sleepcast.channel.fair_table import FairTable
 from sleepcast.channel.message import INTRODUCE, MAX_NAME, NAMES, OTHERS, Kind, Message, is_addressed
@@ -55,8 +56,7 @@ SHOWN = 3
 """Names in a sentence."""
 
 
-@dataclass(slots=True)
-class Holder:
+class Holder(msgspec.Struct):
     """A robot that has a name.
 
     epoch: its life

@@ -13,9 +13,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from math import log, log2
 from random import Random
+
+import msgspec
 
 from sleepcast.channel.sequencer import STEEPNESS, StreamId, mostly_late
 
@@ -34,8 +35,7 @@ _FEW = 3.0
 CommandId = tuple[StreamId, int]
 
 
-@dataclass(slots=True)
-class Round:
+class Round(msgspec.Struct):
     """The commands of one request or digest, and their copies.
 
     begun: when it came, s
@@ -54,7 +54,7 @@ class Round:
     window: float
     soon: float
     copies: int = 0
-    last: dict[CommandId, float] = field(default_factory=dict)
+    last: dict[CommandId, float] = msgspec.field(default_factory=dict)
     extra: int = 0
     spread: float = 0.0
     grown: bool = False

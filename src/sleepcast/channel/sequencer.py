@@ -10,10 +10,11 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
-from dataclasses import dataclass, field
 from math import exp, inf, log1p, log2
 from random import Random
 from typing import NamedTuple
+
+import msgspec
 
 from sleepcast.channel.fair_table import FairTable
 from sleepcast.channel.message import Message, Predecessors
@@ -46,8 +47,7 @@ class Skipped(NamedTuple):
     sequence: int
 
 
-@dataclass(slots=True)
-class MissingCommand:
+class MissingCommand(msgspec.Struct):
     """A missing command.
 
     due: time of the next request, s
@@ -58,12 +58,11 @@ class MissingCommand:
 
     due: float
     until: float = inf
-    pauses: Backoff = field(default_factory=lambda: Backoff(ASK_AGAIN, _ASK_SELDOM))
+    pauses: Backoff = msgspec.field(default_factory=lambda: Backoff(ASK_AGAIN, _ASK_SELDOM))
     put_off: int = 0
 
 
-@dataclass(slots=True)
-class Stream:
+class Stream(msgspec.Struct):
     """The commands of one sender in one epoch.
 
     done: number of the latest that was handled, or skipped
@@ -79,12 +78,12 @@ class Stream:
     done: int = 0
     sent: float = inf
     until: float = inf
-    standing: list[int] = field(default_factory=list)
-    waiting: dict[int, Message] = field(default_factory=dict)
-    wanted: dict[int, MissingCommand] = field(default_factory=dict)
+    standing: list[int] = msgspec.field(default_factory=list)
+    waiting: dict[int, Message] = msgspec.field(default_factory=dict)
+    wanted: dict[int, MissingCommand] = msgspec.field(default_factory=dict)
     base: int = 0
     only: tuple[int, ...] = ()
-    over: list[int] = field(default_factory=list)
+    over: list[int] = msgspec.field(default_factory=list)
 
     def rebase(self, base: int, only: Sequence[int]) -> None:
         """A standing command says which before it still count. Of several, the latest decides."""
@@ -437,8 +436,7 @@ MAX_STANDING = 20_000
 """Standing commands that are stored, of all senders: months of a busy desk, some ten megabytes."""
 
 
-@dataclass(slots=True)
-class StoredCommand:
+class StoredCommand(msgspec.Struct):
     """A command's datagrams, and when each was last on the air (s)."""
 
     datagrams: tuple[bytes, ...]

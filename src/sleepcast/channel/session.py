@@ -16,7 +16,6 @@ from __future__ import annotations
 import select
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import count
 from math import inf, isinf, nan
@@ -80,8 +79,7 @@ class AnswerTerms(NamedTuple):
     within: float = 0.0
 
 
-@dataclass(order=True, slots=True)
-class DelayedAnswer:
+class DelayedAnswer(msgspec.Struct, order=True):
     """An answer to be sent at a time (s of Unix time)."""
 
     time: float

@@ -29,11 +29,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from enum import StrEnum
 from math import inf
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
+
+import msgspec
 
 from sleepcast.channel.clock_sync import differs
 from sleepcast.channel.message import (
@@ -70,8 +71,7 @@ MAX_LEASES = 1_024
 the first to end."""
 
 
-@dataclass(frozen=True, slots=True)
-class Lease:
+class Lease(msgspec.Struct, frozen=True):
     """The holder of a lease, and its end (s of the mind's time). by: who took it, and has perhaps granted it on."""
 
     holder: str
@@ -79,8 +79,7 @@ class Lease:
     by: str
 
 
-@dataclass(frozen=True, slots=True)
-class LeaseRequest:
+class LeaseRequest(msgspec.Struct, frozen=True):
     """A message's request about a lease. seconds: its duration; to: the new holder, for a grant."""
 
     action: LeaseAction

@@ -17,7 +17,6 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
 from hashlib import blake2b
 from pathlib import Path
 from secrets import token_hex
@@ -56,12 +55,11 @@ def sum_of(connection: sqlite3.Connection, tables: Sequence[str]) -> int:
     return combined
 
 
-@dataclass(slots=True)
-class Seal:
+class Seal(msgspec.Struct):
     """See the module. doubt: why robots that are not in this store yet start stopped: an earlier STOP may be lost.
     rows: the checksum of all rows."""
 
-    store: str = field(default_factory=lambda: token_hex(ID_BYTES))
+    store: str = msgspec.field(default_factory=lambda: token_hex(ID_BYTES))
     generation: int = 0
     doubt: str = ""
     rows: int = 0

@@ -20,7 +20,6 @@ import os
 import sqlite3
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
 from random import SystemRandom
@@ -79,8 +78,7 @@ INTERRUPTED = "interrupted"
 """The outcome of a command that had begun when the process ended: how far it came is unknown."""
 
 
-@dataclass(slots=True)
-class StoredRobot:
+class StoredRobot(msgspec.Struct):
     """One robot of the store.
 
     known: ids of stored messages, with the number of times their evaluation was begun.
@@ -91,8 +89,8 @@ class StoredRobot:
     number: int
     node: Node
     delivery: ReliableDelivery | None
-    known: dict[str, int] = field(default_factory=dict)
-    begun: set[str] = field(default_factory=set)
+    known: dict[str, int] = msgspec.field(default_factory=dict)
+    begun: set[str] = msgspec.field(default_factory=set)
     fingerprint: tuple[object, ...] = ()
 
 

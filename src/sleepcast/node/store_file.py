@@ -12,7 +12,6 @@ import sqlite3
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from copy import copy
-from dataclasses import dataclass, field, fields
 from pathlib import Path
 
 import msgspec
@@ -101,16 +100,14 @@ class InUseError(StoreError):
     """Another process uses the store."""
 
 
-@dataclass(slots=True)
-class Taken:
+class Taken(msgspec.Struct):
     """A message that was taken and is not finished; begun: how often its evaluation had begun."""
 
     message: Message
     begun: int
 
 
-@dataclass(slots=True)
-class Remembered:
+class Remembered(msgspec.Struct):
     """What a file holds about one robot. mind: None if it has never learned anything."""
 
     number: int
@@ -119,21 +116,19 @@ class Remembered:
     sequence: int = 0
     saved: float = 0.0
     mind: MindState | None = None
-    streams: list[StreamProgress] = field(default_factory=list)
-    windows: list[StoredWindow] = field(default_factory=list)
-    taken: list[Taken] = field(default_factory=list)
+    streams: list[StreamProgress] = msgspec.field(default_factory=list)
+    windows: list[StoredWindow] = msgspec.field(default_factory=list)
+    taken: list[Taken] = msgspec.field(default_factory=list)
 
 
-@dataclass(slots=True)
-class Content:
+class Content(msgspec.Struct):
     """The contents of a file: each robot by its name, and the standing commands, oldest first."""
 
-    robots: dict[str, Remembered] = field(default_factory=dict)
-    standing: list[StandingCommand] = field(default_factory=list)
+    robots: dict[str, Remembered] = msgspec.field(default_factory=dict)
+    standing: list[StandingCommand] = msgspec.field(default_factory=list)
 
 
-@dataclass(slots=True)
-class Examined:
+class Examined(msgspec.Struct):
     """The result of examining a store.
 
     content, seal: of an undamaged file; a store of format 1 has no seal.
@@ -349,8 +344,7 @@ Evaluated = tuple[int, str, str, float, str, float | None]
 """A robot's number, a command's id and kind, the time (s of Unix time), the outcome, and the time of its arrival."""
 
 
-@dataclass(slots=True)
-class WriteBatch:
+class WriteBatch(msgspec.Struct):
     """Changes waiting to be written, mostly by the robot's number; the fields are those of the tables.
 
     taken: messages and how often they were begun.
@@ -359,17 +353,17 @@ class WriteBatch:
     lives: names, and what is known of their lives.
     """
 
-    streams: dict[tuple[int, StreamId], StreamProgress] = field(default_factory=dict)
-    windows: dict[tuple[int, bytes, str, int], StoredWindow] = field(default_factory=dict)
-    standing: dict[tuple[StreamId, int], tuple[bytes, ...]] = field(default_factory=dict)
-    taken: dict[tuple[int, str], tuple[Message, int]] = field(default_factory=dict)
-    finished: set[tuple[int, str]] = field(default_factory=set)
-    evaluated: list[Evaluated] = field(default_factory=list)
-    minds: dict[int, tuple[float, bytes]] = field(default_factory=dict)
-    lives: dict[int, tuple[str, Remembered]] = field(default_factory=dict)
+    streams: dict[tuple[int, StreamId], StreamProgress] = msgspec.field(default_factory=dict)
+    windows: dict[tuple[int, bytes, str, int], StoredWindow] = msgspec.field(default_factory=dict)
+    standing: dict[tuple[StreamId, int], tuple[bytes, ...]] = msgspec.field(default_factory=dict)
+    taken: dict[tuple[int, str], tuple[Message, int]] = msgspec.field(default_factory=dict)
+    finished: set[tuple[int, str]] = msgspec.field(default_factory=set)
+    evaluated: list[Evaluated] = msgspec.field(default_factory=list)
+    minds: dict[int, tuple[float, bytes]] = msgspec.field(default_factory=dict)
+    lives: dict[int, tuple[str, Remembered]] = msgspec.field(default_factory=dict)
 
     def __bool__(self) -> bool:
-        return any(getattr(self, each.name) for each in fields(self))
+        return any(getattr(self, each) for each in self.__struct_fields__)
 
     def write(self, to: sqlite3.Connection) -> None:
         """Write everything, within a transaction of the caller. Raises sqlite3.Error."""

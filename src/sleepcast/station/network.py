@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from math import inf, nan
 
 import msgspec
@@ -99,8 +98,7 @@ MAX_NEWS = 100
 """Messages of other operators that are stored, to be shown."""
 
 
-@dataclass(slots=True)
-class KnownStop:
+class KnownStop(msgspec.Struct):
     """A STOP of somebody else.
 
     since: when it was there, s
@@ -114,8 +112,7 @@ class KnownStop:
     released: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Poll:
+class Poll(msgspec.Struct, frozen=True):
     """What robots said themselves of whether they would obey a text (YES, NO, UNDECIDED), by their names.
 
     asked, taken: when they were asked, and the last of them had answered, s of Unix time
@@ -124,7 +121,7 @@ class Poll:
     text: str = ""
     asked: float = -inf
     taken: float = -inf
-    said: Mapping[str, int] = field(default_factory=dict)
+    said: Mapping[str, int] = msgspec.field(default_factory=dict)
 
 
 def _unheard(sentence: str) -> None: ...

@@ -12,6 +12,7 @@ from functools import cached_property
 from math import inf
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -45,8 +46,7 @@ GOOD_FOR = 1.0
 """Seconds for which who would obey is taken as it was prepared, if nothing has changed since."""
 
 
-@dataclass(frozen=True, slots=True)
-class Terms:
+class Terms(msgspec.Struct, frozen=True):
     """How a command is meant.
 
     standing, deadline: see `Station.send`
@@ -94,7 +94,7 @@ class Draft:
     def to(self, audience: Audience) -> Draft:
         """The same to some of the robots that its sender was asked about: what names and tests come to on these alone
         is no doubt."""
-        return replace(self, terms=replace(self.terms, audience=audience, undecided=True, strange=True))
+        return replace(self, terms=msgspec.structs.replace(self.terms, audience=audience, undecided=True, strange=True))
 
 
 class Forecast(NamedTuple):
@@ -164,7 +164,7 @@ class Prepared:
 
     def despite_names(self) -> Prepared:
         """The same, whose sender insists on names that no robot has."""
-        terms = replace(self.draft.terms, strange=True, undecided=True)
+        terms = msgspec.structs.replace(self.draft.terms, strange=True, undecided=True)
         return replace(self, draft=replace(self.draft, terms=terms), unknown=())
 
     def refuse_doubtful(self) -> None:

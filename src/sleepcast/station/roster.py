@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from hashlib import sha256
 from math import inf
 from pathlib import Path
@@ -172,8 +171,7 @@ class FleetFileLostError(SleepcastError):
     """A fleet file that cannot be written."""
 
 
-@dataclass(frozen=True, slots=True)
-class Expectation:
+class Expectation(msgspec.Struct, frozen=True):
     """names: of the robots that belong to the fleet, as far as they are known; size: how many there are at least, those
     with names among them; 0 where nobody has said."""
 

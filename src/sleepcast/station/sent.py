@@ -6,12 +6,12 @@ What robots answer comes one by one, or of many at once; all answers to a comman
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
 from math import inf, nan
 from sys import float_info
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -56,8 +56,7 @@ ANSWER = "answer"
 LATE = "heard after its deadline, so not evaluated"
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
+class Answer(msgspec.Struct, frozen=True):
     """What one robot answered.
 
     heard: when, in s of the desk's clock

@@ -12,8 +12,8 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 
+import msgspec
 import numpy as np
 
 from sleepcast.channel import Kind
@@ -36,12 +36,11 @@ SHARED = "several robots have this name"
 """Why nobody can say whether a name would obey."""
 
 
-@dataclass(slots=True)
-class HolderAnswers:
+class HolderAnswers(msgspec.Struct):
     """What the robots of one name answered to one command, by epoch. needed: those that must answer."""
 
-    answers: dict[int, Answer] = field(default_factory=dict)
-    needed: dict[int, Holder] = field(default_factory=dict)
+    answers: dict[int, Answer] = msgspec.field(default_factory=dict)
+    needed: dict[int, Holder] = msgspec.field(default_factory=dict)
 
 
 class ContestedNames:

@@ -17,9 +17,10 @@ import struct
 import sys
 from collections.abc import Iterable
 from contextlib import ExitStack
-from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv6Address, ip_address
 from typing import NamedTuple
+
+import msgspec
 
 from sleepcast.channel.envelope import MAX_DATAGRAM, kind_of
 from sleepcast.channel.message import TO_OPERATOR, Kind
@@ -60,8 +61,7 @@ class UdpError(SleepcastError):
     """The system refused a socket."""
 
 
-@dataclass(frozen=True, slots=True)
-class UdpAddress:
+class UdpAddress(msgspec.Struct, frozen=True):
     """A `udp://` address. interface: of the machine, "" for the system's choice."""
 
     host: IPv4Address | IPv6Address

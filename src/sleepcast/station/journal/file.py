@@ -18,12 +18,12 @@ import sqlite3
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, closing, contextmanager, nullcontext, suppress
-from dataclasses import dataclass
 from functools import partial
 from math import inf, isfinite
 from pathlib import Path
 from threading import RLock
 
+import msgspec
 import numpy as np
 
 from sleepcast.core.clock import Clock
@@ -76,8 +76,7 @@ class NoJournalError(JournalError):
     exit_status = 2
 
 
-@dataclass(frozen=True, slots=True)
-class FiledEntry:
+class FiledEntry(msgspec.Struct, frozen=True):
     """An entry as it lies in a file. written: when, s of Unix time; `entry.time` is that of the desk's clock, which may
     be a simulation's. line, hash: see the module."""
 
@@ -87,8 +86,7 @@ class FiledEntry:
     hash: bytes
 
 
-@dataclass(frozen=True, slots=True)
-class Predecessor:
+class Predecessor(msgspec.Struct, frozen=True):
     """What came before a file: the archive's name, the number of its last entry, and that one's hash."""
 
     archive: str = ""
@@ -362,8 +360,7 @@ PAGE = 500
 """Entries that are read in one go, so that a reader blocks no writer for long."""
 
 
-@dataclass(frozen=True, slots=True)
-class ArchiveLimits:
+class ArchiveLimits(msgspec.Struct, frozen=True):
     """When a journal is full and moves into an archive. size: bytes of its file; age: s since its first entry was
     written; whichever comes first."""
 

@@ -8,10 +8,11 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sized
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
 from typing import NamedTuple, Protocol
+
+import msgspec
 
 from sleepcast.core.errors import SleepcastError
 
@@ -59,8 +60,7 @@ class PendingEntry(NamedTuple):
     details: Mapping[str, object] = MappingProxyType({})
 
 
-@dataclass(frozen=True, slots=True)
-class JournalEntry:
+class JournalEntry(msgspec.Struct, frozen=True):
     """One line of the journal. number: from 1, without gaps. time: s of the desk's clock. who: the operator's desk or
     the robot. subject: the id of the command it is about, "" if none. text: the expression. details: plain values."""
 
@@ -73,8 +73,7 @@ class JournalEntry:
     details: Mapping[str, object]
 
 
-@dataclass(frozen=True, slots=True)
-class Report:
+class Report(msgspec.Struct, frozen=True):
     """Something that a robot said unasked. heard: s of the desk's clock. body: what its message carried."""
 
     robot: str

@@ -362,6 +362,22 @@ def test_an_operators_commands_have_one_order_over_his_lives(tmp_path: Path) -> 
         assert len(robot.world.done) >= 0.8 * len(sent)
 
 
+def test_the_store_of_an_operator_loads_no_minds(tmp_path: Path) -> None:
+    told = (
+        "import sys\n"
+        "from pathlib import Path\n"
+        "from sleepcast.core.clock import UnixClock\n"
+        "from sleepcast.node.store import Store\n"
+        "store = Store(Path(sys.argv[1]), UnixClock(), print)\n"
+        "store.numbers('desk')\n"
+        "store.close()\n"
+        "print([name for name in sys.modules if name in ('sleepcast.node.node', 'sleepcast.robot')])\n"
+    )
+    command = [sys.executable, "-c", told, str(tmp_path / "store")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr) == ("[]\n", "")
+
+
 def test_robots_whose_stores_are_copies_begin_different_lives(tmp_path: Path) -> None:
     """Also where no clock goes on: then two robots of one name are told apart, and noticed."""
     clock, file = ManualClock(0.0), tmp_path / "r1.store"

@@ -283,8 +283,6 @@ class Store:
 
     def after(self) -> bool:
         """All robots have finished the tick; returns whether to `write` now."""
-        from sleepcast.node.state import fingerprint, mind_of
-
         self._report()
         now = self._clock.now()
         look = now >= self._look_at
@@ -298,10 +296,18 @@ class Store:
                 if message.kind in LASTING:
                     did = urgent = True
                     self._finish(robot, message, outcome, time + robot.node.zero)
-            if (did or look) and (current := fingerprint(robot.node)) != robot.fingerprint:
-                robot.fingerprint = current
-                self._unwritten.minds[robot.number] = now, pack(mind_of(robot.node), MAX_MIND)
+            if did or look:
+                self._take_mind(robot, now)
         return urgent and bool(self._unwritten)
+
+    def _take_mind(self, robot: StoredRobot, now: float) -> None:
+        """Store what a robot knows if that has changed."""
+        from sleepcast.node.state import fingerprint, mind_of
+
+        current = fingerprint(robot.node)
+        if current != robot.fingerprint:
+            robot.fingerprint = current
+            self._unwritten.minds[robot.number] = now, pack(mind_of(robot.node), MAX_MIND)
 
     def write(self) -> bool:
         """Write what was collected; returns whether it is stored. May be called in another thread, while nothing else

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from sleepcast.columns.evaluation import Evaluation, Programs, by_the_living
 from sleepcast.columns.rows import Column, Index, Mask, Rows
 from sleepcast.columns.values import Columns
+from sleepcast.core.errors import MisuseError
 from sleepcast.language.parts import Part, acts, walk
 from sleepcast.language.program import Program
 from sleepcast.language.rehearsal import ACTION, CHANCE, asks, does
@@ -42,6 +43,12 @@ is why (from 1; 0 where it can be said)."""
 
 class Undecided(Exception):
     """A text needs something that telemetry does not hold, which this names."""
+
+
+def validate_reading(text: str, program: Program) -> None:
+    """Raises MisuseError for an expression that would do something: its value cannot be said without doing it."""
+    if acts(program.root):
+        raise MisuseError(f"{text} has side effects and cannot be previewed")
 
 
 class KnownSymbols(Protocol):

@@ -14,7 +14,7 @@ from math import nan
 import numpy as np
 
 from sleepcast.columns.rows import Rows
-from sleepcast.columns.telemetry import Key, KnownSymbols, TelemetryTable
+from sleepcast.columns.telemetry import Key, KnownSymbols, TelemetryTable, validate_reading
 from sleepcast.columns.values import AskedColumns
 from sleepcast.console.features.names import names_in
 from sleepcast.console.features.plots import (
@@ -39,7 +39,6 @@ from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
 from sleepcast.fleet.state import Minds, values_at_first
 from sleepcast.language import Checked, CheckError, Variable, check
-from sleepcast.language.parts import acts
 from sleepcast.language.symbols import Declared, FreshNames, Group
 from sleepcast.language.vocabulary import FROZEN, ID, MARKED, SLEEPING, TIME_SLOT, Vocabulary
 
@@ -172,8 +171,7 @@ class RecordedValues:
         program = checked.required()
         if checked.unknown:
             raise MisuseError(f"{CheckError(checked.findings, text, checked.more)}\n{HOLDS}")
-        if acts(program.root):
-            raise MisuseError(f"{text} has side effects and cannot be previewed")
+        validate_reading(text, program)
         return self._table.values(program, np.arange(len(self.names)) if robots is None else robots)[0], 0
 
     def checked(self, text: str) -> Checked:

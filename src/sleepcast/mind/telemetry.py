@@ -18,7 +18,7 @@ import json
 from collections.abc import Sequence
 from hashlib import sha256
 from math import inf, isfinite, isnan, nan
-from struct import pack, unpack
+from struct import pack
 from typing import Annotated, TypeVar
 from weakref import WeakKeyDictionary
 
@@ -238,9 +238,10 @@ class TelemetryRecord(msgspec.Struct):
         """Whether the stopped body has come to rest; None if it is not stopped, or does not tell."""
         return read_motion(self.motion) if self.stopped else None
 
-    def numbers(self) -> Sequence[float]:
-        """The values, NaN for unknown: the support variables except for the active flags, sensors, actuators."""
-        return [value if isfinite(value) else nan for value in unpack(f"<{len(self.values) // 8}d", self.values)]
+    @property
+    def group_keys(self) -> frozenset[str]:
+        """Keys of the groups that it is in."""
+        return frozenset(name.casefold() for name in self.groups)
 
     def runs(self, rule: int) -> bool:
         """Whether a rule of the mind is active."""

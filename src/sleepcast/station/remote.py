@@ -125,7 +125,7 @@ class RemoteMind(SharesSymbols):
     @property
     def groups(self) -> frozenset[str]:
         """Keys of the groups that it is in."""
-        return frozenset(name.casefold() for name in self.telemetry.groups)
+        return self.telemetry.group_keys
 
     @property
     def stopped(self) -> bool:

@@ -25,12 +25,11 @@ from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import FOR, RULE, TELEMETRY, LeaseAction
 from sleepcast.channel.message_batch import AnswerColumns, MessageBatch
 from sleepcast.columns.rows import Mask
-from sleepcast.columns.telemetry import BulkTelemetry, TelemetryTable
+from sleepcast.columns.telemetry import BulkTelemetry, TelemetryTable, validate_reading
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.serial import SerialError, pack, room_for, unpack
 from sleepcast.language import Checked, CheckError, Explanation, check
-from sleepcast.language.parts import acts
 from sleepcast.language.program import Program
 from sleepcast.language.symbols import Declared
 from sleepcast.language.vocabulary import Vocabulary
@@ -235,8 +234,7 @@ class Station:
         program = checked.required()
         if checked.unknown:
             raise CheckError(checked.findings, text, checked.more)
-        if acts(program.root):
-            raise MisuseError(f"{text} has side effects and cannot be previewed")
+        validate_reading(text, program)
         times = self._roster.reported[: len(self._roster)]
         told = self._clock.now() - times <= self.stale_after
         known = np.flatnonzero(told if places is None else told[places])

@@ -56,7 +56,7 @@ class PlacedRow:
     @property
     def groups(self) -> frozenset[str]:
         """Keys of the groups that it is in."""
-        return frozenset(name.casefold() for name in self.record.groups)
+        return self.record.group_keys
 
 
 class CopiedRow:

@@ -14,7 +14,7 @@ import pytest
 from playwright.sync_api import BrowserContext, expect
 
 from console.running import PATIENCE, Page, Program, open_page
-from sleepcast.columns.rows import Rows
+from sleepcast.columns.values import Rows
 from sleepcast.console.account_table import CommandRow
 from sleepcast.console.differences import first_difference
 from sleepcast.console.failing import ShownFailing

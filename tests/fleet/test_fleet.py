@@ -12,7 +12,7 @@ import pytest
 from fleet.twins import Twins, vocabulary
 from language.cases import ACTUATORS, SENSORS
 from sleepcast.channel.message import Kind, Message, outcome_of
-from sleepcast.columns import pure, rows
+from sleepcast.columns import pure, values
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import Quantity
 from sleepcast.fleet import Fleet, FleetError
@@ -405,7 +405,7 @@ def test_measurements_grow_old() -> None:
 
 
 def test_a_fault_of_some_robots_is_no_fault_of_others() -> None:
-    fleet = Fleet([f"r{i}" for i in range(rows.CHUNK + 5)], vocabulary())
+    fleet = Fleet([f"r{i}" for i in range(values.CHUNK + 5)], vocabulary())
     readings = np.full((len(fleet), len(SENSORS)), nan)
     readings[:, X] = np.arange(len(fleet)) - 3.0
     fleet.sense(readings, 0.0)

@@ -24,7 +24,7 @@ from language.cases import SENSORS
 from sleepcast import columns, fleet, language, node
 from sleepcast import mind as shared
 from sleepcast.channel.message import Kind, Message
-from sleepcast.columns import rows
+from sleepcast.columns import values
 from sleepcast.core.errors import SleepcastError
 from sleepcast.fleet.native.kernels import Kernels, available
 
@@ -83,17 +83,17 @@ def message(chance: Random, author: Author) -> str:
 
 
 @settings(max_examples=EXAMPLES)
-@given(start=st.integers(0, 2**63), chunk=st.sampled_from([1, 3, rows.CHUNK]))
+@given(start=st.integers(0, 2**63), chunk=st.sampled_from([1, 3, values.CHUNK]))
 def test_robots_of_a_fleet_do_what_nodes_do(start: int, chunk: int) -> None:
-    with patch.object(rows, "CHUNK", chunk), patch.object(rows, "STRETCH", 2 * chunk):
+    with patch.object(values, "CHUNK", chunk), patch.object(values, "STRETCH", 2 * chunk):
         do_the_same(Random(start), native=False)
 
 
 @pytest.mark.skipif(not available(), reason="native code needs llvmlite, the extra `fast`")
 @settings(max_examples=EXAMPLES)
-@given(start=st.integers(0, 2**63), chunk=st.sampled_from([1, 3, rows.CHUNK]))
+@given(start=st.integers(0, 2**63), chunk=st.sampled_from([1, 3, values.CHUNK]))
 def test_robots_of_a_fleet_with_native_code_do_what_nodes_do(start: int, chunk: int) -> None:
-    with patch.object(rows, "CHUNK", chunk), patch.object(rows, "STRETCH", 2 * chunk):
+    with patch.object(values, "CHUNK", chunk), patch.object(values, "STRETCH", 2 * chunk):
         do_the_same(Random(start), native=True)
 
 

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from fleet.twins import Twins, vocabulary
 from language.authors import Author
 from language.cases import SENSORS
-from sleepcast.columns.rows import Column, Rows
 from sleepcast.columns.telemetry import NOT_YET
+from sleepcast.columns.values import Column, Rows
 from sleepcast.core.serial import pack, unpack
 from sleepcast.fleet import Fleet, inspection
 from sleepcast.fleet.schema import FleetSnapshot

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sleepcast.columns.rows import Rows
+from sleepcast.columns.values import Rows
 from sleepcast.fleet.evaluation import RuleStatistics
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from sleepcast.columns.rows import Index
+from sleepcast.columns.values import Index
 from sleepcast.fleet import RobotView
 from sleepcast.language.reader import ReadError
 from sleepcast.language.vocabulary import TICK, VocabularyError

@@ -15,8 +15,8 @@ from language.authors import Author
 from language.cases import SENSORS
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import LOOK, Inspection
-from sleepcast.columns.rows import Column, Rows
 from sleepcast.columns.telemetry import TelemetryTable
+from sleepcast.columns.values import Column, Rows
 from sleepcast.console.recorded_values import RecordedNames, RecordedTelemetry
 from sleepcast.console.timeline import RobotMarks, Timeline
 from sleepcast.console.view import Scene

@@ -15,8 +15,7 @@ from typing import Concatenate, NamedTuple, ParamSpec, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.columns.rows import Column, Index, Mask, Rows
-from sleepcast.columns.values import Columns
+from sleepcast.columns.values import Column, Columns, Index, Mask, Rows
 from sleepcast.language.parts import Part
 from sleepcast.language.program import MAX_STEPS, Program
 from sleepcast.language.reader import show

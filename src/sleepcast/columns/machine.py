@@ -17,7 +17,7 @@ import numpy as np
 
 from sleepcast.columns import pure
 from sleepcast.columns.evaluation import Evaluation, Programs
-from sleepcast.columns.rows import Column, Index, Mask, Rows
+from sleepcast.columns.values import Column, Index, Mask, Rows
 from sleepcast.language.evaluate import is_true, too_deep
 from sleepcast.language.numerics import normal
 from sleepcast.language.parts import Part, walk

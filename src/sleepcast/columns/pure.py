@@ -18,7 +18,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from sleepcast.columns.rows import Column, Index, Mask
+from sleepcast.columns.values import Column, Index, Mask
 from sleepcast.language.functions import TWO_PI
 from sleepcast.language.numerics import COEFFICIENTS, EIGHTHS, HUGE, STEEP, TAILS
 from sleepcast.language.parts import Part

@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.columns.evaluation import Evaluation, Programs, by_the_living
-from sleepcast.columns.rows import Column, Index, Mask, Rows
-from sleepcast.columns.values import Columns
+from sleepcast.columns.values import Column, Columns, Index, Mask, Rows
 from sleepcast.core.errors import MisuseError
 from sleepcast.language.parts import Part, acts, walk
 from sleepcast.language.program import Program

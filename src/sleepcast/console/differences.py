@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from sleepcast.columns.rows import Column, Mask
+from sleepcast.columns.values import Column, Mask
 from sleepcast.core.units import value_in_words
 from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import TICK, TIME_SLOT, Variable, VariableKind, unit_of

@@ -13,9 +13,8 @@ from math import nan
 
 import numpy as np
 
-from sleepcast.columns.rows import Rows
 from sleepcast.columns.telemetry import Key, KnownSymbols, TelemetryTable, validate_reading
-from sleepcast.columns.values import AskedColumns
+from sleepcast.columns.values import AskedColumns, Rows
 from sleepcast.console.features.names import names_in
 from sleepcast.console.features.plots import (
     AddPlot,

@@ -1,17 +1,17 @@
 """The fleet: the minds of many robots with one vocabulary, as arrays. Each robot behaves exactly as a node would, bit
 for bit.
 
-state         variables as columns, shared minds                   pure      the built-in functions over columns
-rows          which robots something refers to, one value for many
-authority     who commands each robot, and who drives it           obeying   what becomes of a message
-evaluation    budget and faults, rule statistics                   memory    what programs may read and change
-scheduler     which rules run in a tick                            machine   evaluates a program for many robots
-messages      queues and outboxes                                  bodies    STOP, RELEASE and holding still
-inspection    telemetry, previews, explanations                    queries   expressions that are asked for often
-failing       rules that fail, and where                           native/   native code for rules, through LLVM
-schema        the serialized state                                 snapshot  saving and restoring it
+state         what robots know alike                            memory       what programs may read and change
+authority     who commands each robot, and who drives it        obeying      what becomes of a message
+evaluation    budget and faults, rule statistics                scheduler    which rules run in a tick
+messages      queues and outboxes                               bodies       STOP, RELEASE and holding still
+inspection    telemetry, previews, explanations                 queries      expressions that are asked for often
+failing       rules that fail, and where                        native/      native code for rules, through LLVM
+schema        the serialized state                              snapshot     saving and restoring it
 marks         groups and flags of each robot, for pictures
 fleet         takes messages and readings, runs ticks; maps robots' names to views of their minds
+
+Tables of many robots, and programs on them, are in the room `columns`.
 """
 
 from sleepcast.fleet.fleet import Fleet, FleetError, RobotView

@@ -11,8 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from sleepcast.channel.message import Message
-from sleepcast.columns.rows import Rows
-from sleepcast.fleet.shared import Shared
+from sleepcast.columns.values import Rows, Shared
 from sleepcast.fleet.state import FleetState
 from sleepcast.language.program import Program
 from sleepcast.mind.authority import Driving, Leases, Tells, driver_of, entered, is_sign, minds_leases, objection

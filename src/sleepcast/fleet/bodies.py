@@ -13,7 +13,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from sleepcast.channel.message import Message
-from sleepcast.columns.rows import Column, Index, Mask, Rows
+from sleepcast.columns.values import Column, Index, Mask, Rows
 from sleepcast.core.arrays import filled
 from sleepcast.core.model import RestState
 from sleepcast.fleet.authority import FleetAuthority

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.columns.evaluation import Evaluation
-from sleepcast.columns.rows import Column, Index, Mask, Rows
+from sleepcast.columns.values import Column, Index, Mask, Rows
 from sleepcast.core.arrays import filled
 from sleepcast.core.serial import Arrays, SerialError, dump_arrays, load_arrays, within
 from sleepcast.fleet.native.compiler import ResultColumns

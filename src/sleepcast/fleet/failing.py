@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sleepcast.columns.rows import Index, Rows
+from sleepcast.columns.values import Index, Rows
 from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.state import Mind
 

@@ -22,7 +22,7 @@ from sleepcast.channel.message import (
     is_addressed,
 )
 from sleepcast.channel.message_batch import MessageBatch, NameIndex
-from sleepcast.columns.rows import Column, Index, Mask, Rows
+from sleepcast.columns.values import Column, Index, Mask, Rows
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.model import RestState
 from sleepcast.core.threads import ThreadPool

@@ -29,9 +29,8 @@ from numpy.typing import NDArray
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.message_batch import ascending
 from sleepcast.columns.machine import evaluate
-from sleepcast.columns.rows import Column, Index, Mask, Rows, distinct
 from sleepcast.columns.telemetry import BulkTelemetry, Key, KnownSymbols
-from sleepcast.columns.values import ValueColumns
+from sleepcast.columns.values import Column, Index, Mask, Rows, ValueColumns, distinct
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import RestState
 from sleepcast.core.serial import Array

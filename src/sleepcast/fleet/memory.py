@@ -13,7 +13,7 @@ from typing import TypeAlias
 import numpy as np
 
 from sleepcast.columns.evaluation import Programs, by_the_living
-from sleepcast.columns.rows import Column, Index, Mask, Rows
+from sleepcast.columns.values import Column, Index, Mask, Rows
 from sleepcast.core.model import HostFunction
 from sleepcast.fleet.bodies import ManyBodies
 from sleepcast.fleet.evaluation import FleetEvaluation

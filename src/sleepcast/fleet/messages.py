@@ -25,7 +25,7 @@ from sleepcast.channel.message_batch import (
     dump_batch,
     load_batch,
 )
-from sleepcast.columns.rows import Column, Index, Mask, Rows
+from sleepcast.columns.values import Column, Index, Mask, Rows
 from sleepcast.core.serial import Array, SerialError
 from sleepcast.fleet.schema import InboxState, OutboxState
 from sleepcast.fleet.state import FleetState

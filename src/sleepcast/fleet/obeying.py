@@ -14,7 +14,7 @@ from sleepcast.channel.message import HELD, HOPS, KEYS, LEASE, LOOK, UNKNOWN, Ki
 from sleepcast.channel.message_batch import AnswerColumns
 from sleepcast.columns.evaluation import Noted, fault_text
 from sleepcast.columns.machine import evaluate
-from sleepcast.columns.rows import Column, Index, Mask, Rows
+from sleepcast.columns.values import Column, Index, Mask, Rows
 from sleepcast.core.errors import SleepcastError
 from sleepcast.fleet.authority import FleetAuthority
 from sleepcast.fleet.inspection import EvaluationLog, LogEntry, rehearsal

@@ -9,8 +9,8 @@ import numpy as np
 
 from sleepcast.columns.evaluation import by_the_living
 from sleepcast.columns.machine import Plain, evaluate, is_plain
-from sleepcast.columns.rows import CHUNK, Column, Index, Mask, Rows, distinct
 from sleepcast.columns.telemetry import Key, KnownSymbols, QuietMemory
+from sleepcast.columns.values import CHUNK, Column, Index, Mask, Rows, distinct
 from sleepcast.fleet.inspection import reads_of
 from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.messages import Outbox

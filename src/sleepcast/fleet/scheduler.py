@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.columns.machine import walk_through
-from sleepcast.columns.rows import Mask, Rows
+from sleepcast.columns.values import Mask, Rows
 from sleepcast.fleet.authority import FleetAuthority
 from sleepcast.fleet.evaluation import RuleStatistics
 from sleepcast.fleet.memory import FleetMemory

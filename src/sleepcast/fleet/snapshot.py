@@ -12,10 +12,10 @@ from typing import TypeVar
 
 import numpy as np
 
+from sleepcast.columns.values import Shared
 from sleepcast.core.serial import Array, SerialError
 from sleepcast.fleet.fleet import Fleet
 from sleepcast.fleet.schema import AuthorityState, FleetSnapshot, SharedState
-from sleepcast.fleet.shared import Shared
 from sleepcast.fleet.state import Mind, Minds
 from sleepcast.language.program import Program
 from sleepcast.language.symbols import Operator

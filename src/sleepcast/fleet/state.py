@@ -15,12 +15,10 @@ from typing import TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.columns.rows import Mask, Rows, distinct
-from sleepcast.columns.values import ValueColumns
+from sleepcast.columns.values import Mask, Rows, Shared, ValueColumns, distinct
 from sleepcast.core.arrays import filled
 from sleepcast.core.serial import Array, SerialError, dump_arrays, load_arrays
 from sleepcast.fleet.schema import ColumnsState
-from sleepcast.fleet.shared import Shared
 from sleepcast.language.numerics import GOLDEN, MASK, UNIT, mix
 from sleepcast.language.parts import Part
 from sleepcast.language.program import Library, Program

@@ -27,7 +27,7 @@ from sleepcast.channel.desks import desk_of, sent_by
 from sleepcast.channel.message import LeaseAction, Role
 from sleepcast.channel.message_batch import MessageBatch
 from sleepcast.channel.simulated_radio import OPERATOR, Radio
-from sleepcast.columns.rows import Column, Index, Rows
+from sleepcast.columns.values import Column, Index, Rows
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError, in_file
 from sleepcast.core.model import Constant

@@ -43,7 +43,7 @@ from sleepcast.channel.message import MATCHED as WOULD
 from sleepcast.channel.message import UNKNOWN as UNSURE
 from sleepcast.channel.name_conflicts import UNDECIDED_FOR
 from sleepcast.channel.session import MAX_SPREAD, ChannelSession
-from sleepcast.columns.rows import Mask
+from sleepcast.columns.values import Mask
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
 from sleepcast.language import Checked

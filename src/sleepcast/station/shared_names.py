@@ -19,7 +19,7 @@ import numpy as np
 from sleepcast.channel import Kind
 from sleepcast.channel.message import Message
 from sleepcast.channel.name_conflicts import Holder, NameConflicts, sentences
-from sleepcast.columns.rows import Mask
+from sleepcast.columns.values import Mask
 from sleepcast.core.units import value_in_words
 from sleepcast.station.roster import Index, Roster
 from sleepcast.station.sent import Answer, Command, Outcome, SentCommands

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import FOR, RULE, TELEMETRY, LeaseAction
 from sleepcast.channel.message_batch import AnswerColumns, MessageBatch
-from sleepcast.columns.rows import Mask
 from sleepcast.columns.telemetry import BulkTelemetry, TelemetryTable, validate_reading
+from sleepcast.columns.values import Mask
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.serial import SerialError, pack, room_for, unpack

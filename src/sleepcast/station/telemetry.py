@@ -14,9 +14,8 @@ from struct import unpack_from
 
 import numpy as np
 
-from sleepcast.columns.rows import Column, Mask, Rows
 from sleepcast.columns.telemetry import Key, KnownSymbols, TelemetryTable, Undecided
-from sleepcast.columns.values import AskedColumns
+from sleepcast.columns.values import AskedColumns, Column, Mask, Rows
 from sleepcast.language.parts import Part
 from sleepcast.language.program import Program
 from sleepcast.language.rehearsal import holds

@@ -24,9 +24,8 @@ from numpy.typing import NDArray
 
 from sleepcast.channel.message import FOR, NOT
 from sleepcast.channel.message_batch import NameIndex
-from sleepcast.columns.rows import Mask, Rows
 from sleepcast.columns.telemetry import BulkTelemetry, Key, KnownSymbols, TelemetryTable
-from sleepcast.columns.values import ValueColumns
+from sleepcast.columns.values import Mask, Rows, ValueColumns
 from sleepcast.core.errors import MisuseError
 from sleepcast.language import Checked
 from sleepcast.language.evaluate import is_true

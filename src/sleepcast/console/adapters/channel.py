@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
-from sleepcast.columns.rows import Rows
+from sleepcast.columns.values import Rows
 from sleepcast.console import KeptRule, Outline, SafetyOrder, Scene
 from sleepcast.console.frames import packed_poses
 from sleepcast.console.network import PendingExplanation

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.columns.rows import Column, Rows
+from sleepcast.columns.values import Column, Rows
 from sleepcast.core.code_cache import CodeCache
 from sleepcast.core.threads import ThreadPool, borders
 from sleepcast.fleet.native import libm

@@ -17,7 +17,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.columns.rows import Column, Rows
+from sleepcast.columns.values import Column, Rows
 from sleepcast.core.arrays import filled
 from sleepcast.core.threads import ThreadPool
 from sleepcast.fleet.evaluation import FleetEvaluation

@@ -13,8 +13,9 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-PATHS = {"swarm": 46, "air": 60}
-"""Modules that the round trip of one command enters at most. Lower it when the way has become shorter."""
+PATHS = {"swarm": 48, "air": 66}
+"""Modules that the round trip of one command enters at most. Lower it when the way has become shorter. It was 46 and 60
+until a desk asked the table of telemetry who would obey, as columns, instead of walking over its robots one by one."""
 
 
 @pytest.mark.nightly

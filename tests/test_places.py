@@ -81,6 +81,7 @@ FEATURES = {
         },
     ),
     "the form DOTIMES": Feature("a special form", r"""(?i)["']dotimes["']"""),
+    "the form COND": Feature("a special form", r"""["']cond["']"""),
     "the act JOIN": Feature(
         "an act on rules, groups or functions",
         r"""(?i)["']join["']""",
@@ -110,6 +111,21 @@ FEATURES = {
         },
     ),
     "taking a lease": Feature("leases", r"LeaseAction"),
+    "taking a lease on the page": Feature("leases", r"""ChangeLease|LeaseAction|ask\(.lease"""),
+    "the kind HEARTBEAT": Feature(
+        "a kind of message",
+        r"\b_?HEARTBEAT\b",
+        {
+            "bridges/mavlink/vehicle.py": "MAVLink has messages of this name",
+            "api/session_test.py": "sees by them when an operator went away",
+        },
+    ),
+    "duplicates on the radio": Feature("the radio of a simulated swarm", r"\bduplication\b"),
+    "telling that a robot catches up": Feature(
+        "what robots report of themselves",
+        r"""["']catching_up["']|telemetry\.catching_up|\bBodyState\b""",
+        {"cli/baseline_check.py": "waits with a comparison until robots have caught up"},
+    ),
     "the transport zenoh": Feature("a transport", r"""["']zenoh["']|^zenoh\b"""),
     "the journal's entry of an account": Feature("an entry of the journal", r"""\bACCOUNTED\b"""),
     "the subcommand watch": Feature(
@@ -129,6 +145,11 @@ FEATURES = {
         "a keyboard shortcut",
         r"\bF8\b",
         {"console/feature.py": "a sentence that names the key"},
+    ),
+    "dark pages": Feature(
+        "light and dark",
+        r"color-scheme|data-theme=",
+        {"simulator/world/svg_styles.py": "styles of drawings"},
     ),
     "the layer of density": Feature(
         "a layer of the map", r"\b[Dd]ensity\b", {"cli/run.py": "how many robots there are for an area"}
@@ -153,7 +174,7 @@ FEATURES = {
     "counting encoders": Feature("what encoders count", r"""wheels\.counts|\b_counts\(table|import encoders"""),
     "the topic of failing rules": Feature("what recordings hold", r"""\bFAILING\b|["']/failing["']"""),
     "what a test says was never sent": Feature("what a saved test holds", r"\bnever_sent\b"),
-    "the largest cluster": Feature("what an experiment measures", r"\blargest_cluster\b"),
+    "the largest cluster": Feature("a measure of an experiment", r"\blargest_cluster\b"),
     "maps of heat": Feature("a figure of results", r"""["']heat["']"""),
     "what is said where a goal was missed": Feature(
         "an exercise",

@@ -57,6 +57,7 @@ def test_a_package_adds_by_its_metadata_alone(tmp_path: Path, monkeypatch: pytes
         ("raise SystemExit(3)", "SystemExit: 3"),
         ("", "AttributeError: module 'lawn' has no attribute 'mow'"),
         ("def", "SyntaxError: "),
+        ("from asyncio import CancelledError\nraise CancelledError", "CancelledError: "),
     ],
 )
 def test_what_cannot_be_loaded_is_named_with_its_package(
@@ -67,6 +68,43 @@ def test_what_cannot_be_loaded_is_named_with_its_package(
     with pytest.raises(MisuseError) as error:
         load_extension(extensions(COMMANDS)["mow"], "command")
     assert str(error.value).startswith(f'command "mow" of the package lawn-bots cannot be loaded: {why}')
+
+
+def test_who_waits_no_longer_for_an_import_ends_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    install(
+        tmp_path,
+        monkeypatch,
+        "lawn-bots",
+        "[sleepcast.commands]\nmow = endless:mow\n",
+        endless="raise KeyboardInterrupt",
+    )
+    with pytest.raises(KeyboardInterrupt):
+        load_extension(extensions(COMMANDS)["mow"], "command")
+
+
+@pytest.mark.parametrize(
+    ("metadata", "entries"),
+    [
+        (None, b"[sleepcast.commands]\nghost = ghost:x\n"),
+        (b"Metadata-Version: 2.1\n", b"[sleepcast.commands]\nghost = ghost:x\n"),
+        (b"Name: ghost\nVersion: 1\n", b"[sleepcast.commands]\nghost\n"),
+        (b"Name: ghost\nVersion: 1\n", b"[sleepcast.commands]\ngh\xff = ghost:x\n"),
+    ],
+    ids=["no metadata", "no name", "no value", "no text"],
+)
+def test_a_damaged_package_keeps_no_other_from_adding(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, metadata: bytes | None, entries: bytes
+) -> None:
+    install(tmp_path / "whole", monkeypatch, "lawn-bots", "[sleepcast.commands]\nmow = lawn:mow\n")
+    about = tmp_path / "damaged" / "ghost-1.dist-info"
+    about.mkdir(parents=True)
+    (about / "entry_points.txt").write_bytes(entries)
+    if metadata is not None:
+        (about / "METADATA").write_bytes(metadata)
+    monkeypatch.syspath_prepend(about.parent)
+    listed = extensions(COMMANDS)
+    assert listed["mow"].about == "Of the package lawn-bots."
+    assert "ghost" not in listed
 
 
 def test_a_name_that_two_packages_add_is_told_with_both(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

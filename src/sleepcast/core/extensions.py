@@ -9,10 +9,16 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
+from typing import TYPE_CHECKING
 
 from sleepcast.core.errors import MisuseError
+
+if TYPE_CHECKING:
+    from importlib.metadata import Distribution, EntryPoint
 
 BODIES, TRANSPORTS = "sleepcast.bodies", "sleepcast.transports"
 COMMANDS, PAGES = "sleepcast.commands", "sleepcast.pages"
@@ -92,7 +98,9 @@ def load_extension(extension: Extension, what: str) -> object:
         loaded: object = import_module(module)
         for name in filter(None, names.split(".")):
             loaded = getattr(loaded, name)
-    except (Exception, SystemExit) as error:  # a module that is imported may do anything
+    except KeyboardInterrupt:  # of a person who waits no longer for the import
+        raise
+    except BaseException as error:  # a module that is imported may do anything; one in Rust panics by no Exception
         raise MisuseError(
             f'{what} "{extension.name}" of the package {extension.package} cannot be loaded: '
             f"{type(error).__name__}: {error}"
@@ -104,17 +112,40 @@ def _installed(group: str) -> dict[str, Extension]:
     """What other packages add to a group, by name."""
     if not _anybody_adds(group):
         return {}
-    from importlib.metadata import entry_points  # importing it takes longer than everything else here
-
     added: dict[str, Extension] = {}
-    for entry in entry_points(group=group):
-        package = entry.dist.name if entry.dist is not None else "?"
+    for entry, package in _entries(group):
         before = added.get(entry.name)
         if before is None:
             added[entry.name] = Extension(entry.name, entry.value, package)
         elif package != before.package:
             added[entry.name] = Extension(entry.name, before.value, before.package, (*before.rivals, package))
     return {name: each for name, each in added.items() if each.package != OWN}
+
+
+def _entries(group: str) -> Iterable[tuple[EntryPoint, str]]:
+    """What packages add to a group, each with the package's name. One whose metadata is damaged, such as by an
+    uninstall that was broken off, adds nothing, and keeps no other from adding: a page with its STOP opens all the
+    same."""
+    from importlib.metadata import distributions, entry_points  # importing it takes longer than everything else here
+
+    entries: Iterable[EntryPoint]
+    try:
+        entries = entry_points(group=group)
+    except Exception:  # what reads the metadata of all packages raises anything where that of one is damaged
+        entries = [entry for package in distributions() for entry in _readable_entries(package, group)]
+    for entry in entries:
+        name: str | None = None
+        with suppress(Exception):  # a package that has lost its name raises, or has none
+            name = entry.dist.name if entry.dist is not None else "?"
+        if name is not None:
+            yield entry, name
+
+
+def _readable_entries(package: Distribution, group: str) -> Iterable[EntryPoint]:
+    try:
+        return package.entry_points.select(group=group)
+    except Exception:
+        return ()
 
 
 def _anybody_adds(group: str) -> bool:

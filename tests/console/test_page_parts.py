@@ -125,6 +125,41 @@ def test_a_part_that_is_wrong_is_told_and_costs_only_itself(
     registry.decode('{"type": "stop"}')
 
 
+@pytest.mark.parametrize(
+    ("piece", "why"),
+    [
+        (b"<p>A lawn \xff", "cannot be loaded: UnicodeDecodeError"),
+        (b"<!-- A lawn", "<!-- A lawn<br> has no end"),
+        (b"<textarea>", "<textarea> has no end"),
+        (b"<section><p>A lawn.", "<section> has no end"),
+        (b"<script>let tag = '</p>'", "<script> has no end"),
+        (b"</body>", "</body> ends what it has not begun"),
+        (b"<b title='", "has no end"),
+    ],
+)
+def test_a_piece_that_would_swallow_the_page_is_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, piece: bytes, why: str
+) -> None:
+    (tmp_path / "pieces.html").write_bytes(b"<!-- room: side -->\n<p>Whole.</p>\n<!-- room: styles -->\n" + piece)
+    names, (said,) = added(tmp_path, monkeypatch, QUESTION.replace('"lawn.js"', '"lawn.js", "", "pieces.html"'))
+    assert names == []
+    assert why in said
+
+
+def test_pieces_may_be_written_as_html_allows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = "<ul><li>A<li>1 < 2 &amp</ul><table><tr><td><input checked></table><svg><path d=''/></svg>"
+    (tmp_path / "pieces.html").write_text(f"<!-- room: side -->{text}<script>let tag = '</p>'</script><p>Grass & moss")
+    names, said = added(tmp_path, monkeypatch, QUESTION.replace('"lawn.js"', '"lawn.js", "", "pieces.html"'))
+    assert (names, said) == (["lawn"], [])
+
+
+def test_a_page_opens_without_pieces_that_are_gone(tmp_path: Path) -> None:
+    """A package may be taken away, or become another version, while a page is served."""
+    assert 'id="stop"' in with_parts(
+        (STATIC / "index.html").read_text("utf-8"), [("lawn", PagePart(tmp_path, "lawn.js", "", "pieces.html"))]
+    )
+
+
 def test_the_page_has_what_parts_add(tmp_path: Path) -> None:
     (tmp_path / "pieces.html").write_text("<!-- room: side -->\n<p>A lawn.</p>\n<!-- room: keys -->\n<tr></tr>\n")
     index = (STATIC / "index.html").read_text("utf-8")

@@ -16,7 +16,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from html.parser import HTMLParser
 from importlib import resources
 from pathlib import Path
 from types import ModuleType
@@ -51,6 +53,12 @@ NAME = re.compile(r"[a-z][a-z0-9_-]{0,40}")
 """A name that can stand in an address and in a class of the page's body."""
 ROOM = re.compile(r"[ \t]*<!-- room: ([\w-]+) -->\n?")
 """A place in `static/index.html` for pieces of a part, and in a file of pieces the place for what follows."""
+VOID = frozenset(["area", "base", "br", "col", "embed", "hr", "img", "input", "link", "meta", "source", "track", "wbr"])
+"""Elements of HTML that have no end."""
+ENDS_BY_ITSELF = frozenset(
+    ["dd", "dt", "li", "optgroup", "option", "p", "rp", "rt", "tbody", "td", "tfoot", "th", "thead", "tr"]
+)
+"""Elements whose end need not be written."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,21 +123,71 @@ def _load(added: Extension) -> PagePart:
             files = (part.module, part.style, part.pieces)
             if lacking := [file for file in files if file and not (part.static / file).is_file()]:
                 raise MisuseError(f"{who} has no file {', '.join(lacking)} in {part.static}")
+            if open_tag := _unbalanced(_pieces(part)):
+                raise MisuseError(f"{who} has pieces that would take the rest of the page with them: {open_tag}")
             if part.features is not None:
                 registry.collect(part.features)
-    except MisuseError:
+    except (MisuseError, KeyboardInterrupt):
         raise
-    except (Exception, SystemExit) as error:  # a module that is imported may do anything
+    except BaseException as error:  # a module that is imported may do anything
         raise MisuseError(f"{who} cannot be loaded: {type(error).__name__}: {error}") from error
     return part
+
+
+def _pieces(part: PagePart) -> str:
+    """Its HTML with the names of rooms. Raises OSError and UnicodeError."""
+    return (part.static / part.pieces).read_text("utf-8") if part.pieces else ""
+
+
+class _Balance(HTMLParser):
+    """Looks for what would go on behind a piece, or end what stands around it. wrong: what that is, "" for nothing."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.wrong = ""
+        self._open: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in VOID:
+            self._open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        while self._open and self._open[-1] != tag and self._open[-1] in ENDS_BY_ITSELF:
+            self._open.pop()
+        if self._open and self._open[-1] == tag:
+            self._open.pop()
+        elif tag not in VOID:
+            self.wrong = self.wrong or f"</{tag}> ends what it has not begun"
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """One without content, as in SVG."""
+
+    def finish(self) -> str:
+        """What is wrong with the piece that was read."""
+        left = [tag for tag in self._open if tag not in ENDS_BY_ITSELF]
+        if not self.wrong and (left or self.rawdata):
+            self.wrong = f"<{left[-1]}> has no end" if left else f"{self.rawdata[:20]} has no end"
+        return self.wrong
+
+
+def _unbalanced(pieces: str) -> str:
+    """What is wrong with the first piece that is not whole, "" for nothing: a comment or an element that goes on behind
+    it would swallow what the page's own scripts look for, STOP among it."""
+    for piece in ROOM.split(pieces)[2::2]:
+        balance = _Balance()
+        balance.feed(f"{piece}<br>")  # which leaves nothing to be read, unless something takes it in
+        if wrong := balance.finish():
+            return wrong
+    return ""
 
 
 def with_parts(text: str, parts: Parts) -> str:
     """The page's HTML with what parts add."""
     rooms: dict[str, str] = {}
     for name, part in parts:
-        pieces = ROOM.split((part.static / part.pieces).read_text("utf-8") if part.pieces else "")
-        _put(rooms, zip(pieces[1::2], pieces[2::2], strict=True))
+        with suppress(OSError, UnicodeError):  # it was there when the page opened, but a package may be changed since
+            pieces = ROOM.split(_pieces(part))
+            _put(rooms, zip(pieces[1::2], pieces[2::2], strict=True))
         script = f'<script type="module" src="static/{name}/{part.module}"></script>\n'
         _put(rooms, [("first" if part.whole else "scripts", script)])
         if part.style:

@@ -9,7 +9,7 @@ import stat
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, suppress
 from math import inf, nan
 from pathlib import Path
 from threading import Thread
@@ -187,6 +187,27 @@ def test_an_error_among_many_entries_keeps_none_of_them(journal: SqliteJournal, 
         fail()
     fill(journal, 1, 1)
     assert (verified(file).count, verified(file).broken) == (1, "")
+
+
+def insist(journal: SqliteJournal, first: int, last: int) -> None:
+    """Write long entries together, and go on where one is refused."""
+    with journal.together():
+        for number in range(first, last + 1):
+            with suppress(JournalError):
+                journal.append(PendingEntry(float(number), "desk", JournalEvent.SENT, text="x" * 1_000))
+
+
+def test_what_follows_on_a_refused_entry_makes_no_gap(journal: SqliteJournal, file: Path) -> None:
+    """A full disk has SQLite take back the whole transaction, not the one entry."""
+    fill(journal, 1, 1)
+    pages = journal._connection.execute("PRAGMA page_count").fetchone()[0]
+    journal._connection.execute(f"PRAGMA max_page_count = {pages + 2}")
+    with pytest.raises(JournalError):
+        insist(journal, 2, 21)
+    journal._connection.execute("PRAGMA max_page_count = 100000")
+    fill(journal, 2, 2)
+    assert [each.number for each in journal.entries()] == [1, 2]
+    assert not verified(file).broken
 
 
 def test_nobody_waits_longer_than_he_has_patience(journal: SqliteJournal, file: Path) -> None:

@@ -392,8 +392,11 @@ class SqliteJournal:
 
     def append(self, entry: PendingEntry) -> None:
         """Write one entry; its number is the next one. It is on the disk when this returns, or, within `together`,
-        when that ends."""
+        when that ends. Raises JournalError, too, for what follows on an entry that a full disk has refused: with that
+        one, SQLite takes back all before it."""
         with self._lock, nullcontext() if self._together else self.together():
+            if not self._connection.in_transaction:
+                raise JournalError(f"the journal {self.file}: entries that belong together were taken back")
             number, before = self._last or self._head()
             line = line_of(JournalEntry(number + 1, *entry), self._clock.now())
             last = number + 1, digest(before, line)

@@ -31,7 +31,7 @@ from sleepcast.station import Station
 from sleepcast.station.cache import TelemetryCache
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.remote import MAX_TYPES, RemoteMinds, TelemetryClient
-from sleepcast.station.validation import TEST_UNKNOWN
+from sleepcast.station.validation import NEVER_HEARD, TEST_UNKNOWN
 from station.far import Far
 from station.fleet import Fleet
 
@@ -201,6 +201,45 @@ def test_a_type_whose_names_cannot_be_united_is_left_out_with_a_reason() -> None
     far.look(["o"])
     assert list(far.minds) == ["s"]
     assert list(far.minds.refused.values()) == ["sonar is a number here and a function of scout"]
+
+
+class Clocked(Station):
+    """A desk of robots that answer somebody else, which a `TelemetryClient` can be given."""
+
+    @property
+    def now(self) -> float:
+        return self._clock.now()
+
+
+def test_a_robot_that_comes_back_as_another_is_not_foreseen_by_what_it_told_before() -> None:
+    """Its old numbers would even be read as those of other names, once a further type has moved all of them."""
+    scout, boat = types()
+    odd = Vocabulary("odd", sensors=(Quantity("sonar"), Quantity("x", "m")))
+    far = Far({"s": Node("s", scout, number=1), "r": Node("r", scout, number=2)})
+    for node in far.nodes.values():
+        node.sense((3.0, 0.5), 0.0)
+        node.evaluate("(SETQ speed 2)")
+    station = Clocked(far.minds.vocabulary, far.minds, [].append, far.clock)
+    client = TelemetryClient(station, far.minds)
+    far.look()
+    client.hear([])
+    station.observe(far.clock.now(), far.minds.values())
+    assert station.preview("(WHEN (> fuel 0) (MARK))").yes == ("s", "r")
+    far.nodes = {"s": far.nodes["s"], "r": Node("r", odd, number=2), "b": Node("b", boat, number=3)}
+    for robot in ("r", "b"):
+        far.look([robot])
+        station.observe(far.clock.now(), far.minds.values())
+        client.hear([])
+        foreseen = station.preview("(WHEN (> fuel 0) (MARK))")
+        assert foreseen.yes == ("s",)
+        assert foreseen.unknown["r"] == NEVER_HEARD
+    assert station.preview("(WHEN (= depth 2) (MARK))").yes == ()
+    far.nodes = {"r": Node("r", scout, number=2)}
+    far.nodes["r"].sense((3.0, 0.5), 0.0)
+    far.look()
+    station.observe(far.clock.now(), [far.minds["r"]])
+    client.hear([])
+    assert station.preview("(WHEN (> fuel 0) (MARK))").yes == ("s", "r")
 
 
 # ---- robots that lie

@@ -249,6 +249,9 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         """How many `changes` there had been when no mind was missing: until the next one, none is."""
         self._waiting: dict[str, RemoteMind] = {}
         """Robots whose names are not known yet, or cannot be united with those of others."""
+        self.changed: set[str] = set()
+        """Robots that were known, and are waiting now since they came back with other names, or their names stand
+        against those of others: what they told before says nothing about them. `TelemetryClient` passes them on."""
         self._united = -inf
         """When the names of all types were united last, s."""
         self.began = -inf
@@ -352,7 +355,8 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         mind = self._minds.get(name) or RemoteMind(name, self, telemetry, now)
         fitted = self._fitted.get(telemetry.type)
         if fitted is None:
-            self._minds.pop(name, None)
+            if self._minds.pop(name, None) is not None:
+                self.changed.add(name)
             mind.telemetry, mind.reported_at = telemetry, now
             self._waiting[name] = mind
             if telemetry.type in self.refused and now - self._united >= REUNITE:
@@ -366,6 +370,7 @@ class RemoteMinds(Mapping[str, RemoteMind]):
             mind.telemetry, mind.reported_at = before
             raise TelemetryError(str(error)) from None
         self._waiting.pop(name, None)
+        self.changed.discard(name)
         if name not in self._minds or _names_in(before[0]) != _names_in(telemetry):
             self.changes += 1
         self._minds[name] = mind
@@ -399,6 +404,7 @@ class RemoteMinds(Mapping[str, RemoteMind]):
             _user_slot(key, self.vocabulary)
         for name in [name for name, mind in self._minds.items() if mind.telemetry.type in self.refused]:
             self._waiting[name] = self._minds.pop(name)
+            self.changed.add(name)
         moved = list(self._minds.values())
         for mind in moved:
             mind.place(self._fitted[mind.telemetry.type], self.vocabulary)
@@ -478,6 +484,8 @@ class Requester(Protocol):
     def post(self, kind: Kind, *, body: Mapping[str, object], only: Sequence[str] | None = None) -> Command: ...
 
     def observe(self, now: float, rows: Iterable[Telemetry]) -> None: ...
+
+    def forget(self, robots: Iterable[str]) -> None: ...
 
     def is_held(self, robot: str, command: str) -> bool: ...
 
@@ -560,6 +568,9 @@ class TelemetryClient:
         self._station.vocabulary = self.minds.vocabulary
         for time, some in groupby(minds, lambda mind: mind.reported_at):
             self._station.observe(time, some)
+        if self.minds.changed:
+            self._station.forget(self.minds.changed)
+            self.minds.changed.clear()
 
     def _ask(self, body: Mapping[str, object], robots: Sequence[str] | None) -> Command:
         command = self._station.post(Kind.ASK, body=body, only=robots)

@@ -132,6 +132,12 @@ class Roster:
         self.heard[robots] = np.maximum(self.heard[robots], now)
         self.reported[robots] = now
 
+    def forget(self, robots: Iterable[str]) -> list[int]:
+        """These robots have told nothing that still counts. Gives their places."""
+        places = [place for name in robots if (place := self.names.index_of(name)) is not None]
+        self.reported[places] = -inf
+        return places
+
 
 class RobotNames(Sequence[str]):
     """Robots by their places, named only on request."""

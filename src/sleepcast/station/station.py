@@ -129,9 +129,8 @@ class Station:
         """What robots reported before they were commanded does not say who will obey."""
         self.policy = SendPolicy() if policy is None else policy
         self.vocabulary, self._outbox = vocabulary, outbox
-        self._sequence = 0
-        self._tellings = 0
-        """How often robots have told of themselves."""
+        self._sequence = self._tellings = 0
+        """The number of the latest message; how often robots have told of themselves."""
 
     @property
     def journal(self) -> Journal:
@@ -580,6 +579,12 @@ class Station:
             self._tellings += 1
             self._roster.observe(robots, now)
             self._update_latch(robots, np.array(stopped, np.bool_), now)
+
+    def forget(self, robots: Iterable[str]) -> None:
+        """Let what these robots told one by one count no more: they are others now, of which nothing is known."""
+        with self._lock:
+            self._tellings += 1
+            self.told.forget(self._roster.forget(robots))
 
     def observe_many(self, now: float, robots: Index) -> None:
         """The same for robots whose minds answer many at once. Raises MisuseError for minds that do not."""

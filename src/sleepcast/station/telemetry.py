@@ -7,7 +7,7 @@ when a text first reads it, for all robots at once, and is good until one of the
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from math import inf, nan
 from struct import unpack_from
@@ -181,6 +181,13 @@ class ToldTelemetry(TelemetryTable):
         row = news.values
         self._rows[place] = row if isinstance(row, PlacedRow) else CopiedRow(row, news.groups)
         self._names[place] = news.name
+        self._told += 1
+
+    def forget(self, places: Iterable[int]) -> None:
+        """What the robots at these places told says nothing about them any more."""
+        for place in places:
+            if place < len(self._rows):
+                self._rows[place] = None
         self._told += 1
 
     def latest(self) -> AskedColumns:

@@ -87,11 +87,51 @@ async def wait_for(reply: object) -> object:
 
 
 @pytest.mark.parametrize("tag", ["lawn_mow", "lawn_ask"])
-def test_an_answer_that_fails_costs_only_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, tag: str) -> None:
-    added(tmp_path, monkeypatch, QUESTION)
+@pytest.mark.parametrize(
+    ("answer", "why"),
+    [
+        ("Done(asked.serial, str(1.0 / source.grass))", "ZeroDivisionError: float division by zero"),
+        ("exit(3)", "SystemExit: 3"),
+        ("7", "TypeError: an answer is a DeskMessage, no int"),
+        ("Done(asked.serial, object())", "TypeError: Encoding objects of type object is unsupported"),
+    ],
+)
+def test_an_answer_that_fails_costs_only_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, tag: str, answer: str, why: str
+) -> None:
+    text = QUESTION.replace("Done(asked.serial, str(1.0 / source.grass))", answer)
+    added(tmp_path, monkeypatch, text)
     asked = registry.decode(f'{{"type": "{tag}", "serial": 3}}')
-    with pytest.raises(MisuseError, match="lawn_page has failed: ZeroDivisionError: float division by zero"):
+    with pytest.raises(MisuseError, match=f"lawn_page has failed: {why}"):
         asyncio.run(wait_for(registry.answer(asked, Meadow(0.0))))
+
+
+class Past:
+    """Another time than now."""
+
+    time, tick = 1.0, 1
+
+
+def test_an_answer_about_another_time_costs_only_itself_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    added(tmp_path, monkeypatch, QUESTION.replace("@answers()", "@answers(then=lambda source, asked, then: 1 / 0)"))
+    asked = registry.decode('{"type": "lawn_mow", "serial": 3}')
+    with pytest.raises(MisuseError, match="lawn_page has failed: ZeroDivisionError"):
+        registry.answer(asked, Meadow(4.0), then=Past())  # type: ignore[arg-type]
+
+
+def test_who_gives_up_waiting_for_an_answer_can(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A page that goes away cancels what it waits for, also from another package."""
+    added(tmp_path, monkeypatch, QUESTION.replace("asyncio.sleep(0.0)", "asyncio.Event().wait()"))
+    asked = registry.decode('{"type": "lawn_ask", "serial": 3}')
+
+    async def give_up() -> None:
+        waiting = asyncio.ensure_future(wait_for(registry.answer(asked, Meadow(4.0))))
+        await asyncio.sleep(0.0)
+        waiting.cancel()
+        await waiting
+
+    with pytest.raises(asyncio.CancelledError):
+        asyncio.run(give_up())
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,8 @@ to the desk at once.
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Iterator
+from asyncio import CancelledError
+from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
 from functools import lru_cache
 from importlib import import_module
@@ -18,6 +19,7 @@ from typing import ClassVar, Protocol, Union
 import msgspec
 
 from sleepcast.console import features
+from sleepcast.console.connection import encode
 from sleepcast.console.feature import BEGINNINGS, HANDLERS, NOT_HERE_AT_ALL, Answer, Handler, Reply, Then, has
 from sleepcast.console.incoming import AT_ONCE, PageMessage, read
 from sleepcast.core.errors import MisuseError, SleepcastError
@@ -84,32 +86,47 @@ def answer(asked: PageMessage, desk: Source, page: object = None, then: Then | N
         raise MisuseError(NOT_HERE_AT_ALL)
     source = next((each for each in (page, desk) if has(each, handler.needs)), None)
     if then is not None and handler.then is not None:
-        answered = handler.then(source, asked, then)
+        answered = _called(handler, handler.then, source, asked, then)
         if answered is not None:
             return answered
     if source is None:
         own = handler.recording if desk.recorded else ""
         raise MisuseError(own or handler.lacking or desk.lacks)
-    return handler.answer(source, asked) if handler.is_own else _guarded(handler, source, asked)
+    return _called(handler, handler.answer, source, asked)
 
 
-def _guarded(handler: Handler, source: object, asked: PageMessage) -> Reply:
-    """The answer of another package, whose mistakes cost a page no more than this answer."""
+def _called(handler: Handler, function: Callable[..., Reply], *arguments: object) -> Reply:
+    """What a handler's function answers. The mistakes of another package cost a page no more than this answer."""
+    if handler.is_own:
+        return function(*arguments)
     try:
-        reply = handler.answer(source, asked)
-    except Exception as error:
-        raise _failed(handler, error) from error
-    return _guarded_wait(handler, reply) if isinstance(reply, Awaitable) else reply
-
-
-async def _guarded_wait(handler: Handler, reply: Awaitable[Answer]) -> Answer:
-    try:
-        return await reply
-    except Exception as error:
+        reply = function(*arguments)
+        return _called_later(handler, reply) if isinstance(reply, Awaitable) else _sendable(reply)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # SystemExit would end the program, and with it the page's STOP
         raise _failed(handler, error) from error
 
 
-def _failed(handler: Handler, error: Exception) -> SleepcastError:
+async def _called_later(handler: Handler, reply: Awaitable[Answer]) -> Answer:
+    try:
+        return _sendable(await reply)
+    except (KeyboardInterrupt, CancelledError, GeneratorExit):
+        raise
+    except BaseException as error:
+        raise _failed(handler, error) from error
+
+
+def _sendable(answer: Answer) -> Answer:
+    """An answer that a page can be sent. Raises TypeError for anything else."""
+    if not isinstance(answer, msgspec.Struct | msgspec.Raw | None):
+        raise TypeError(f"an answer is a DeskMessage, no {type(answer).__name__}")
+    if answer is not None:
+        encode(answer)
+    return answer
+
+
+def _failed(handler: Handler, error: BaseException) -> SleepcastError:
     if isinstance(error, SleepcastError):
         return error
     return MisuseError(f"{handler.answer.__module__} has failed: {type(error).__name__}: {error}")

@@ -66,3 +66,8 @@ def test_what_is_wrong_is_said() -> None:
         DataTable({"a": ["x"], "b": np.zeros(2)})
     with pytest.raises(sc.errors.MisuseError, match="did you mean fuel"):
         DataTable({"fuel": np.zeros(2)})["fule"]
+
+
+def test_who_goes_through_it_as_through_a_list_is_told_what_it_is() -> None:
+    with pytest.raises(sc.errors.MisuseError, match='no column "0": wanted one of robot'):
+        list(DataTable({"robot": ["r1"]}))  # type: ignore[call-overload]

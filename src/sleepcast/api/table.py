@@ -45,7 +45,7 @@ class DataTable:
         """A column. Raises MisuseError for one that is not there."""
         if name not in self.columns:
             names = list(self.columns)
-            raise MisuseError(f'no column "{name}"{did_you_mean(name, names)}: wanted one of {", ".join(names)}')
+            raise MisuseError(f'no column "{name}"{did_you_mean(str(name), names)}: wanted one of {", ".join(names)}')
         return self.columns[name]
 
     def to_dict(self) -> dict[str, list[str | float | int | None]]:

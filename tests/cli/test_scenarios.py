@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import pytest
 
+from packages import install
 from sleepcast.cli import main
 from sleepcast.simulator import find_scenario, scenario_names
 from sleepcast.simulator.scenario.scenario import GALLERY
@@ -96,3 +98,25 @@ def test_an_installed_package_adds_scenarios(installed: Path, capsys: pytest.Cap
     assert main(["scenarios", "lost"]) == 2
     assert main(["scenarios", "harbuor"]) == 2
     assert "did you mean harbour" in capsys.readouterr().err
+
+
+def test_a_scenario_that_two_packages_add_is_told_with_both(
+    installed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Which of them runs would depend on the order in which they are found."""
+    install(tmp_path / "other", monkeypatch, "ports", "[sleepcast.scenarios]\nharbour = ports.harbour\n")
+    assert run(capsys, "harbour") == (
+        2,
+        "",
+        'scenario "harbour" is added by ports and patrols: uninstall all but one of them\n',
+    )
+
+
+def test_a_package_of_a_scenario_may_do_anything_when_it_is_imported(
+    installed: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delitem(sys.modules, "patrols", raising=False)
+    (installed / "patrols" / "__init__.py").write_text("raise SystemExit(7)")
+    status, _, err = run(capsys)
+    assert status == 0
+    assert 'scenario "harbour" cannot be found: its package patrols.harbour fails: 7' in err

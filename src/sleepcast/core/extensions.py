@@ -68,6 +68,12 @@ class Extension:
             return ABOUT.get(self.name, "")
         return f"Of the package{'s' if self.rivals else ''} {' and '.join([self.package, *self.rivals])}."
 
+    def refuse_rivals(self, what: str) -> None:
+        """Raises MisuseError if other packages add something by this name. what: it is, such as "robots"."""
+        if self.rivals:
+            packages = " and ".join([self.package, *self.rivals])
+            raise MisuseError(f'{what} "{self.name}" is added by {packages}: uninstall all but one of them')
+
 
 def extensions(group: str) -> dict[str, Extension]:
     """All extensions of a group by name, sorted. Nobody takes the place of one of sleepcast's own."""
@@ -90,9 +96,7 @@ def load_extension(extension: Extension, what: str) -> object:
 
     Raises MisuseError, with the package's name, if it cannot be loaded or two packages add it.
     """
-    if extension.rivals:
-        packages = " and ".join([extension.package, *extension.rivals])
-        raise MisuseError(f'{what} "{extension.name}" is added by {packages}: uninstall all but one of them')
+    extension.refuse_rivals(what)
     module, _, names = extension.value.partition(":")
     try:
         loaded: object = import_module(module)

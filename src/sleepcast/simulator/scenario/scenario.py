@@ -425,9 +425,10 @@ def _place(name: str) -> Path:
     path = Path(name)
     if path.exists():
         return path
-    added = added_scenarios()
+    added = extensions(ADDED)
     if name in added:
-        return _package_folder(name, added[name])
+        added[name].refuse_rivals("scenario")
+        return _package_folder(name, added[name].value)
     names += added
     raise MisuseError(
         f'no scenario "{name}"{did_you_mean(name, names)}: wanted one of {", ".join(names)}, '
@@ -441,7 +442,9 @@ def _package_folder(name: str, package: str) -> Path:
 
     try:
         spec = find_spec(package)
-    except Exception as error:  # this imports the parent packages, which may do anything
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # this imports the parent packages, which may do anything
         raise MisuseError(f'scenario "{name}" cannot be found: its package {package} fails: {error}') from error
     folders = [Path(folder) for folder in (spec and spec.submodule_search_locations) or ()]
     for folder in folders:

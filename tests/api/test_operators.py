@@ -107,13 +107,6 @@ def test_a_recording_holds_the_accounts_of_all(fleet: SimulatedFleet, tmp_path: 
     }
 
 
-def test_any_of_them_releases_whom_another_has_stopped(fleet: SimulatedFleet) -> None:
-    """As on the air, where a desk looks whose STOPs hold the robots before it releases them."""
-    fleet.run(1, quiet=True)
-    fleet.stop(by="anna")
-    assert len(fleet.release(by="chief").matched) == 12
-
-
 @pytest.mark.parametrize("do", ["send", "preview", "ask", "stop", "release"])
 def test_nobody_sends_as_somebody_unknown(fleet: SimulatedFleet, do: str) -> None:
     given = {"send": ("(ST)",), "preview": ("(ST)",), "ask": ("x",)}.get(do, ())

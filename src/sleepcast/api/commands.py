@@ -376,6 +376,8 @@ class Fleet(ABC):
         match order.kind:
             case "STOP":
                 return self.stop(wait=0.0, by=order.by)
+            case "RELEASE":
+                return self.release(wait=0.0, by=order.by)
             case "ask":
                 return self.ask(order.text, wait=0.0, only=order.only, but=order.but, sure=sure, by=order.by)
         from sleepcast.loop.swarm import act_on
@@ -460,11 +462,11 @@ class Fleet(ABC):
         return self._until(sent, wait)
 
     def release(self, *, wait: float | str = WAIT, by: str = "") -> CommandResult:
-        """End STOP on every robot, whoever stopped them; nothing old resumes by itself. by: the operator who releases
-        them, as for `send`."""
+        """End STOP on every robot; nothing old resumes by itself. by: the operator who releases them, as for
+        `send`."""
         wait, desk = in_seconds(wait, "wait"), self.desk_of(by)
         with self._turn():
-            sent = desk.release_with(self.desk_of(name) for name in self.operators)
+            sent = desk.release()
         return self._until(sent, wait)
 
     @abstractmethod

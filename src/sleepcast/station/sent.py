@@ -21,7 +21,6 @@ from sleepcast.channel.message_batch import AnswerColumns as Said
 from sleepcast.channel.message_batch import NameIndex, ascending
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.serial import Array, SerialError, within
-from sleepcast.mind.authority import StopMark, mark_of
 from sleepcast.station.leases import in_words
 from sleepcast.station.rest import RestAccount, RestStates
 from sleepcast.station.roster import Index, Seconds, longer
@@ -461,11 +460,6 @@ class SentCommands:
             command.answers.go_back(time)
             if command.kind is Kind.STOP:
                 command.rest.forget()  # robots will tell anew
-
-    @property
-    def stop(self) -> StopMark | None:
-        """By what others name the last STOP, None if there is none or it was released since."""
-        return mark_of(self.latch.message) if self.latch is not None and self.latch.kind is Kind.STOP else None
 
     def state(self) -> tuple[list[CommandState], CommandState | None]:
         """The commands and the latch."""

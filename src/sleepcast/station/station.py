@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.message import ENDS, FOR, RULE, TELEMETRY, LeaseAction
+from sleepcast.channel.message import FOR, RULE, TELEMETRY, LeaseAction
 from sleepcast.channel.message_batch import AnswerColumns, MessageBatch
 from sleepcast.columns.telemetry import BulkTelemetry, TelemetryTable, validate_reading
 from sleepcast.columns.values import Mask
@@ -416,11 +416,6 @@ class Station:
         """End STOP on every robot; nothing old resumes by itself."""
         return self._broadcast(Kind.RELEASE)
 
-    def release_with(self, desks: Iterable[Station]) -> Command:
-        """The same for a person who sees what all of these desks have sent: it ends their last STOPs, too."""
-        ends = [desk._sent.stop.named for desk in desks if desk is not self and desk._sent.stop]
-        return self._broadcast(Kind.RELEASE, body={ENDS: ends} if ends else {})
-
     def lease(self, action: LeaseAction, group: str, seconds: float, to: str = "") -> Command:
         """Do something about the lease of a group, for so many seconds. to: who is granted it. Raises LeaseError."""
         return self._broadcast(Kind.COMMAND, seconds=DEADLINE, body=lease_body(action, group, seconds, to))
@@ -550,7 +545,8 @@ class Station:
     def hear_many(self, batch: MessageBatch) -> None:
         """Take in what many robots say at once; their places are those of the roster. Reports are heard one by one, as
         many as are kept; answers are one entry in the journal."""
-        if not isinstance(said := batch.words, AnswerColumns):
+        said = batch.words
+        if not isinstance(said, AnswerColumns):
             for message in batch.take(slice(-MAX_REPORTS, None)).messages():
                 self.hear(message)
         with self._lock:
@@ -607,7 +603,8 @@ class Station:
         if latest is None or now < latest.message.issued:
             return
         there = robots[stopped == (latest.kind is Kind.STOP)]
-        latest.answers.take(there, np.arange(len(there)), AnswerColumns.alike(latest.id, len(there), "stopped"), now)
+        said = AnswerColumns.alike(latest.id, len(there), "stopped")
+        latest.answers.take(there, np.arange(len(there)), said, now)
         self._take_rests(there)
 
     def _take_rest(self, place: int | None, message: Message) -> None:
@@ -615,7 +612,8 @@ class Station:
         latest = self._sent.latch
         if latest is None or latest.kind is not Kind.STOP or place is None:
             return
-        if (state := motion_said(message)) is not None:
+        state = motion_said(message)
+        if state is not None:
             latest.rest.add(place, state)
 
     def _take_rests(self, robots: Index) -> None:
@@ -623,7 +621,8 @@ class Station:
         latest = self._sent.latch
         if latest is None or latest.kind is not Kind.STOP or self._fleet_telemetry is None:
             return
-        if (states := self._fleet_telemetry.rest_states(robots)) is not None:
+        states = self._fleet_telemetry.rest_states(robots)
+        if states is not None:
             latest.rest.take(robots, *states)
 
     def _note(
@@ -692,7 +691,8 @@ class Station:
             self._roster.place(robot)
             if command is not None:
                 self._sent.get(command)
-        if (mind := self._minds.get(robot)) is None:
+        mind = self._minds.get(robot)
+        if mind is None:
             raise NoExplanationError(f"{robot} cannot be asked from here: only its radio is known, not its mind")
         try:
             return mind.why(command)

@@ -167,7 +167,9 @@ FEATURES = {
     "noise of a sensor": Feature(
         "noise of a sensor",
         r"""(?<!sonar)\.noise\b|["']noise["']""",
-        {"simulator/sonar/fields.py": "hands the noise on to the kernel"},
+    ),
+    "beams that return nothing": Feature(
+        "noise of a sensor", r"\bdropout\b", {"nomad/world/robots/": "a setup whose sonars lose some"}
     ),
     "the neighbours' MEAN_X": Feature("a function of a robot's neighbours", r"\bMEAN_X\b"),
     "the slip of wheels": Feature("how robots drive", r"\bslip_noise\b", {"nomad/world/robots/": "a setup that slips"}),

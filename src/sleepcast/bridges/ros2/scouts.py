@@ -65,10 +65,10 @@ def namespaces(name: str, robots: int) -> list[str]:
         if robots == 1:
             return [""]
         raise MisuseError(f"--namespace /: only one robot can be without a namespace, and these are {robots}")
-    found = [f"/{name.strip('/')}{number}" for number in range(1, robots + 1)]
-    if not is_namespace(found[-1]):
+    namespaces = [f"/{name.strip('/')}{number}" for number in range(1, robots + 1)]
+    if not is_namespace(namespaces[-1]):
         raise MisuseError(f"--namespace {name!r:.60} is no name in ROS 2: wanted letters, digits and _, such as scout")
-    return found
+    return namespaces
 
 
 class Ros2Scouts:
@@ -279,17 +279,17 @@ class Ros2Robot:
         sent."""
         for _ in range(most):
             try:
-                found = reader.take(1)
+                samples = reader.take(1)
             except Exception as error:
                 self._say_once(
                     "?", topic, f"{topic} brings something that is no message: {type(error).__name__}: {error}"
                 )
                 yield None
                 continue
-            if not found:
+            if not samples:
                 return
-            if found[0].sample_info.valid_data:
-                yield found[0]
+            if samples[0].sample_info.valid_data:
+                yield samples[0]
 
     def _greet(self) -> None:
         """Know who publishes velocities."""

@@ -69,11 +69,11 @@ class RobotSensors:
     def transforms(self, now: float) -> Sequence[Any]:
         """The same as a transform, and where its turret looks if it has one."""
         believed, header = self._robot.condition().believed, Header(time_of(now), "odom")
-        found = [_transform(header, "base_link", believed.x, believed.y, believed.heading)]
+        transforms = [_transform(header, "base_link", believed.x, believed.y, believed.heading)]
         if self._robot.steers:
             turret = believed.turret - believed.heading
-            found.append(_transform(Header(header.stamp, "base_link"), "turret", 0.0, 0.0, turret))
-        return [TFMessage(found)]
+            transforms.append(_transform(Header(header.stamp, "base_link"), "turret", 0.0, 0.0, turret))
+        return [TFMessage(transforms)]
 
     def pose(self, now: float) -> Sequence[Any]:
         """Where it really is, m and rad in `map`."""
@@ -136,11 +136,11 @@ class RobotSensors:
         stamp, away = time_of(0.0), self._world.radius(self._robot.robot)
         count = len(self._robot.condition().sonars)
         ring = Header(stamp, "turret" if self._robot.steers else "base_link")
-        found = [_transform(Header(stamp, "base_link"), "laser", 0.0, 0.0, 0.0)]
+        transforms = [_transform(Header(stamp, "base_link"), "laser", 0.0, 0.0, 0.0)]
         for number in range(count):
             angle = 2.0 * pi * number / count
-            found.append(_transform(ring, f"sonar_{number}", away * cos(angle), away * sin(angle), angle))
-        return TFMessage(found)
+            transforms.append(_transform(ring, f"sonar_{number}", away * cos(angle), away * sin(angle), angle))
+        return TFMessage(transforms)
 
     def _motion(self) -> tuple[float, float]:
         """Speed along its heading, m/s, and turn rate, rad/s, by its wheels."""

@@ -43,10 +43,8 @@ class FleetAuthority:
         refusal = objection(message, program, self.tells)
         if refusal or not minds_leases(message):
             return [(refusal, rows)]
-        touched, reasons = (
-            entered(program),
-            list[tuple[str, Rows]](),
-        )  # touched: groups that robots enter or leave by it
+        touched = entered(program)  # groups that robots enter or leave by it
+        reasons: list[tuple[str, Rows]] = []
         for leases, some, _ in self.leases.divide(rows):
             for group, why in leases.closed(message.sender, now):
                 members = some if group in touched else self._members(group, some)

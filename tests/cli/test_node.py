@@ -17,22 +17,18 @@ from threading import Event, Thread
 import pytest
 
 from cli.calling import LONGEST, called, called_here
-from nomad.serving import Served, serving
+from nomad.serving import Served, empty_room, serving
 from sleepcast.channel.plain_datagrams import Datagrams, send
 from sleepcast.cli import main
 from sleepcast.cli.node_life import install, read_start_script
 from sleepcast.language import Vocabulary
 from sleepcast.node.node import Node
-from sleepcast.nomad.world.building import nomad_world
 from sleepcast.nomad.world.nomad_world import NomadWorld
-from sleepcast.simulator.engine import NumPyMachine
-
-TICK = 0.1
 
 
 @pytest.fixture
 def world() -> NomadWorld:
-    return nomad_world(None, "ideal", 1, 1, tick=TICK, machine=NumPyMachine())
+    return empty_room()
 
 
 @pytest.fixture
@@ -290,7 +286,7 @@ def test_a_node_finds_its_server_again_with_its_body_at_rest(world: NomadWorld, 
             said = [process.stdout.readline() for _ in range(3)]
             assert said[2] == "r1: matched, 7\n", said  # the mind lives on
             assert "the body is out of reach, and does nothing" in process.stderr.readline()
-            anew = nomad_world(None, "ideal", 1, 1, tick=TICK, machine=NumPyMachine())
+            anew = empty_room()
             with serving(anew, speed=1.0, headless=True, port=port):
                 line = process.stderr.readline()
                 while "within reach" not in line:

@@ -14,13 +14,11 @@ from pathlib import Path
 
 import pytest
 
-from nomad.serving import LONGEST, Served, serving
+from nomad.serving import LONGEST, Served, empty_room, serving
 from processes import running
 from sleepcast.channel.plain_datagrams import Datagrams, send
 from sleepcast.nomad.client.nomad import Nomad
-from sleepcast.nomad.world.building import nomad_world
 from sleepcast.nomad.world.nomad_world import NomadWorld
-from sleepcast.simulator.engine import NumPyMachine
 
 PROGRAMS = Path(__file__).resolve().parent.parent.parent / "clients" / "python"
 WALL = [(1.2, -1.0), (1.4, -1.0), (1.4, 1.0), (1.2, 1.0)]
@@ -31,7 +29,7 @@ sys.argv.pop(0); sys.path.insert(0, {folder!r}); runpy.run_path(sys.argv[0], run
 
 @pytest.fixture
 def world() -> NomadWorld:
-    return nomad_world(None, "ideal", 1, 1, tick=0.1, machine=NumPyMachine())
+    return empty_room()
 
 
 @pytest.fixture

@@ -10,10 +10,20 @@ from threading import Event, Thread
 
 from sleepcast.core.clock import WallClock
 from sleepcast.nomad import Nserver, ServerPace, Windows
+from sleepcast.nomad.world.building import nomad_world
+from sleepcast.nomad.world.nomad_world import NomadWorld
 from sleepcast.robot import SimulatedWorld
+from sleepcast.simulator.engine import NumPyMachine
 
 LONGEST = 60.0
 """Seconds that a busy machine is given."""
+TICK = 0.1
+"""Seconds in a tick of these worlds."""
+
+
+def empty_room(setup: str = "ideal") -> NomadWorld:
+    """One robot in an empty room, with nothing to compile."""
+    return nomad_world(None, setup, 1, 1, tick=TICK, machine=NumPyMachine())
 
 
 class Served:

@@ -15,7 +15,7 @@ from typing import cast
 
 import pytest
 
-from nomad.serving import LONGEST, Served, serving
+from nomad.serving import LONGEST, TICK, Served, empty_room, serving
 from nomad.troubled import TROUBLES, troubled
 from packages import install
 from processes import start
@@ -28,18 +28,14 @@ from sleepcast.nomad.bridge.model import model_of
 from sleepcast.nomad.bridge.robot import SCOUT, NomadRobot
 from sleepcast.nomad.client.nomad import Nomad, RefusedError
 from sleepcast.nomad.wire.units import TENTH
-from sleepcast.nomad.world.building import nomad_world
 from sleepcast.nomad.world.nomad_world import NomadWorld
 from sleepcast.robot import Limits, Setpoint
-from sleepcast.simulator.engine import NumPyMachine
 from sleepcast.testing.robot_contract import BridgeContract, BridgeRig, Rig, RobotContract
-
-TICK = 0.1
 
 
 @pytest.fixture
 def world() -> NomadWorld:
-    return nomad_world(None, "ideal", 1, 1, tick=TICK, machine=NumPyMachine())
+    return empty_room()
 
 
 @pytest.fixture
@@ -132,7 +128,7 @@ class TestScoutInItsOwnTime(BridgeContract):
 class TestNomad200BehindAServer(RobotContract):
     @pytest.fixture
     def rig(self) -> Iterator[Rig]:
-        world = nomad_world(None, "nomad200", 1, 1, tick=TICK, machine=NumPyMachine())
+        world = empty_room("nomad200")
         with (
             serving(world, lockstep=True, headless=True) as served,
             reach(served, "?type=nomad200#1", in_step=True) as robot,

@@ -62,7 +62,7 @@ class Operator:
 
     def release(self) -> Json:
         """RELEASE."""
-        return _sent(self._station.release())
+        return _sent(self._station.release_all())
 
     def answers(self, command: str) -> Json:
         """What each robot has answered to a command: its outcome, value, and when it was heard; and who is silent."""

@@ -22,6 +22,7 @@ from cli.test_swarm import channel, swarm
 from counting import ONCE, counted
 from processes import live_in
 from sleepcast.api import connected
+from sleepcast.simulator import MissionError
 from sleepcast.station import CountNeededError, UnknownRobotError, asking
 from sleepcast.station.asking import SilentError, look_around
 from sleepcast.station.validation import UnknownNameError
@@ -95,6 +96,8 @@ class TestCommands:
             fleet.play("@0s STOP\n@0.2s RELEASE", wait=PATIENT)
             other._looked = -inf
             assert other.stopped.all()
+            with pytest.raises(MissionError, match="the script:2: on the air no script ends STOPs of other operators"):
+                fleet.play("@0s (ST)\n@0.2s RELEASE ALL")
             assert len(other.release(wait=PATIENT).matched) == 6
 
     def test_robots_are_driven_while_it_runs(self, fleet: sc.ConnectedFleet) -> None:

@@ -96,6 +96,49 @@ def test_a_saved_test_repeats_what_all_have_sent(tmp_path: Path, by_itself: bool
         assert (mission.count("as anna HOLD"), mission.count("as anna AWAY")) == (2, 1)
 
 
+@pytest.fixture
+def lossy() -> SimulatedFleet:
+    return sc.open("two-desks", robots=40, over={"radio.loss": "40%"}).run(1, quiet=True)
+
+
+def test_any_of_them_releases_whom_another_has_stopped(fleet: SimulatedFleet) -> None:
+    """As on the air, where a desk looks whose STOPs hold the robots before it releases them."""
+    fleet.run(1, quiet=True)
+    fleet.stop(by="anna")
+    assert len(fleet.release(by="chief").matched) == 12
+    assert not fleet.stopped.any()
+
+
+def test_a_script_says_whether_a_release_is_for_the_stops_of_all(fleet: SimulatedFleet) -> None:
+    fleet.play("@1s as anna STOP\n@3s as bert RELEASE")
+    assert fleet.stopped.all()
+    fleet.play("@6s as bert RELEASE ALL")
+    assert not fleet.stopped.any()
+
+
+def test_a_stop_that_was_released_by_another_is_not_repeated(lossy: SimulatedFleet) -> None:
+    """It would stop those that have missed it."""
+    assert lossy.stop(by="anna", wait=0.3).account.n_silent
+    lossy.release(by="bert", wait=0.0)
+    lossy.run(6, quiet=True)
+    assert not lossy.stopped.any()
+
+
+def test_a_saved_test_repeats_a_release_of_all(lossy: SimulatedFleet, tmp_path: Path) -> None:
+    lossy.stop(by="anna", wait=0.3)
+    lossy.release(by="bert", wait=0.7)
+    lossy.send("(DRIVE 1m/s 0deg/s)", by="bert", everybody=True, wait=0.2)
+    lossy.stop(by="bert", wait=3.0)
+    lossy.release(by="bert", wait=3.0)
+    lossy.stop(by="anna", wait=0.0)
+    lossy.run(2, quiet=True)
+    saved = lossy.save_test(tmp_path / "again", exact=True)
+    mission = (saved / "mission.sleep").read_text()
+    assert mission.count("s as bert RELEASE ALL\n= ") == 2
+    verdict = run_test(read_test(saved))
+    assert (verdict.missed, verdict.state) == ((), lossy.hash)
+
+
 def test_a_recording_holds_the_accounts_of_all(fleet: SimulatedFleet, tmp_path: Path) -> None:
     with fleet.record(tmp_path / "run.mcap"):
         fleet.send(WEST)

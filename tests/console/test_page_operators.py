@@ -32,6 +32,8 @@ def test_commands_and_stop_go_out_as_the_chosen_operator(desks: Page) -> None:
     expect(refused).to_contain_text("12")  # only a commander may change rules: all twelve refuse
     desks.locator("#stop").click()
     expect(rows.filter(has_text="STOP").locator(".by")).to_have_text("bert")
+    expect(desks.locator(".glance")).to_contain_text("12 stopped or held")
     by.select_option("anna")
     desks.locator("#release").click()
     expect(rows.filter(has_text="RELEASE").locator(".by")).to_have_text("anna")
+    expect(desks.locator(".glance")).to_contain_text("0 stopped or held")  # whoever stopped them

@@ -45,7 +45,7 @@ def test_nobody_is_kept_going_whom_nobody_drives() -> None:
     desk.stop()
     scene.run(0.1)
     assert beats(scene, 5.0) == 0
-    desk.release()
+    desk.release_all()
     assert beats(scene, 5.0) == 0, "nothing old resumes"
 
 

@@ -117,7 +117,7 @@ def test_stop_passes_by_all_that_is_asked_about_a_command(monkeypatch: pytest.Mo
     desk.stop()
     scene.run(0.05)
     assert all(robot.node.stopped for robot in scene.fleet.values())
-    desk.release()
+    desk.release_all()
     scene.run(0.5)
     assert not any(robot.node.stopped for robot in scene.fleet.values())
 
@@ -143,7 +143,7 @@ def test_a_release_that_was_decided_before_a_stop_does_not_end_it() -> None:
     chief.stop()
     scene.run(1.0)
     scene.isolate("r1")
-    release = chief.release()
+    release = chief.release_all()
     scene.run(1.0)
     assert not scene.fleet["r0"].node.stopped
     scene.deaf = {("anna", "chief")}  # chief does not know
@@ -162,7 +162,7 @@ def test_a_stop_that_goes_on_looking_for_a_robot_does_not_undo_a_later_release()
     stop = chief.stop()
     scene.run(6.0)
     scene.deaf.add(("anna", "chief"))
-    anna.release()
+    anna.release_all()
     scene.run(1.0)
     scene.join("r1")
     scene.run(3.0)
@@ -211,7 +211,7 @@ def test_a_desk_that_hears_a_stop_lets_its_release_go() -> None:
     chief.stop()
     scene.run(1.0)
     scene.isolate("r1")
-    chief.release()
+    chief.release_all()
     scene.run(0.5)
     anna.stop()
     scene.run(0.5)
@@ -236,7 +236,7 @@ def test_a_desk_stops_on_until_a_release_names_its_stop() -> None:
     assert chief.accounting(stopped.id).matched == ("r0", "r1")
     anna.post(Kind.ASK, body={"look": "telemetry"})
     scene.run(0.5)
-    anna.release()
+    anna.release_all()
     scene.run(0.5)
     assert stopped.ended_by == "anna"
     assert not any(robot.node.stopped for robot in scene.fleet.values())
@@ -250,7 +250,7 @@ def test_a_replayed_release_does_not_end_a_stop() -> None:
     desk.stop()
     scene.run(0.2)
     before = len(scene.sent)
-    desk.release()
+    desk.release_all()
     scene.run(0.2)
     recorded = scene.sent[before:]
     scene.join("r1")
@@ -273,7 +273,7 @@ def test_a_stop_that_says_nonsense_stops_and_a_release_that_does_not_release(age
     scene.say(Message("anna", 1, 1, Kind.RELEASE, scene.clock.now(), body=said), KEYS["anna"])
     scene.run(0.3)
     assert scene.fleet["r0"].node.stopped
-    desk.release()
+    desk.release_all()
     scene.run(0.3)
     scene.say(Message("anna", 1, 2, Kind.STOP, scene.clock.now(), body=said if age != 1e9 else {}), KEYS["anna"])
     scene.run(0.3)
@@ -287,7 +287,7 @@ def test_an_observer_does_not_release() -> None:
     watch.stop()
     scene.run(0.5)
     with pytest.raises(RoleError, match="watch is an observer"):
-        watch.release()
+        watch.release_all()
     scene.say(Message("watch", 1, 99, Kind.RELEASE, scene.clock.now()), KEYS["watch"])
     scene.run(0.5)
     assert all(robot.node.stopped for robot in scene.fleet.values())
@@ -342,7 +342,7 @@ def test_a_recorded_stop_that_was_released_is_over_years_later() -> None:
     desk.stop()
     scene.run(0.3)
     recorded = [datagram for datagram in scene.sent if look(datagram).kind is Kind.STOP]
-    desk.release()
+    desk.release_all()
     scene.run(1.0)
     robot = scene.fleet["r0"]
     assert not robot.node.stopped
@@ -359,7 +359,7 @@ def test_a_release_by_somebody_who_heard_the_stop_ends_it() -> None:
     chief, anna = scene.desk("chief"), scene.desk("anna")
     anna.stop()
     scene.run(0.5)
-    release = chief.release()
+    release = chief.release_all()
     scene.run(0.5)
     assert not any(robot.node.stopped for robot in scene.fleet.values())
     assert chief.accounting(release.id).n_matched == 3
@@ -371,14 +371,14 @@ def test_a_release_by_somebody_who_did_not_hear_of_a_stop_is_refused_until_robot
     scene.deaf.add(("anna", "chief"))
     anna.stop()
     scene.run(0.5)
-    release = chief.release()
+    release = chief.release_all()
     scene.run(0.5)
     assert all(robot.node.stopped for robot in scene.fleet.values())
     assert chief.accounting(release.id).n_fault == 3
     decided = chief.now
     chief.post(Kind.ASK, body={"look": "telemetry"})
     scene.run(0.5)
-    again = chief.release(decided)
+    again = chief.release_all(decided)
     scene.run(0.5)
     assert chief.accounting(again.id).n_matched == 3
     assert not any(robot.node.stopped for robot in scene.fleet.values())
@@ -404,7 +404,7 @@ def test_a_release_ends_what_an_observer_piles_up_once_its_operator_has_seen_it(
     assert "more STOPs than there is room for" in bert.accounting(refused.id).faults["r0"]
     bert.post(Kind.ASK, body={"look": "telemetry"})
     scene.run(0.5)
-    released = bert.release()
+    released = bert.release_all()
     scene.run(0.5)
     assert bert.accounting(released.id).n_matched == 2
     assert not any(robot.node.stopped for robot in scene.fleet.values())
@@ -420,7 +420,7 @@ def test_a_stop_that_came_after_a_release_was_decided_is_not_named_by_it() -> No
     anna.stop()
     chief.post(Kind.ASK, body={"look": "telemetry"})
     scene.run(0.5)
-    chief.release(decided)
+    chief.release_all(decided)
     scene.run(0.5)
     assert all(robot.node.stopped for robot in scene.fleet.values())
 
@@ -441,7 +441,7 @@ def test_a_relay_that_delays_repeats_and_reorders_neither_frees_nor_loses_a_stop
         assert all(robot.node.stopped for robot in scene.fleet.values()), seed
         assert last.n_silent == 0
         for desk in desks:  # each has heard of the other one's
-            desk.release()
+            desk.release_all()
             scene.run(8.0)
         assert not any(robot.node.stopped for robot in scene.fleet.values()), seed
 
@@ -455,6 +455,6 @@ def test_a_robot_in_doubt_moves_after_a_release_that_was_sent_since_it_started()
     scene.say(Message("anna", 1, 1, Kind.RELEASE, START - 0.5), KEYS["anna"])
     scene.run(0.1)
     assert node.stopped
-    scene.desk().release()
+    scene.desk().release_all()
     scene.run(0.5)
     assert not node.stopped

@@ -95,6 +95,8 @@ def test_settings_that_mean_nothing_are_refused(tmp_path: Path, more: str, wrong
         ("as bert (ST)", Instruction("once", "(ST)", by="bert")),
         ("as bert STOP", Instruction("STOP", by="bert")),
         ("AWAY", Instruction("AWAY")),
+        ("as bert RELEASE", Instruction("RELEASE", by="bert")),
+        ("as bert RELEASE  ALL ; of all", Instruction("RELEASE ALL", by="bert")),
         ("lease take bravo", Instruction("lease", "take bravo")),
         ("as anna lease take bravo for 2min", Instruction("lease", "take bravo", 120.0, by="anna")),
         ("lease grant bravo to bert for 5s", Instruction("lease", "grant bravo", 5.0, to="bert")),

@@ -67,9 +67,11 @@ def vocabulary_in(scenario: Scenario) -> Vocabulary:
 
 def station_of(swarm: Swarm, journal: Journal | None = None) -> Station:
     """The operator's desk for a swarm; where the scenario names several operators, the others sit down, too."""
-    first, *others = swarm.operators or [DESK]
-    swarm.others = [_station(swarm, name, None) for name in others]
-    return _station(swarm, first, journal)
+    first, *others = [_station(swarm, name, None if i else journal) for i, name in enumerate(swarm.operators or [DESK])]
+    for desk in (first, *others):
+        desk.beside = [each for each in (first, *others) if each is not desk]
+    swarm.others = list(others)
+    return first
 
 
 def others_of(swarm: Swarm) -> list[Station]:

@@ -303,8 +303,8 @@ class Fleet(ABC):
 
         Raises MissionError, with the place of the line: before anything is sent for what cannot be read; for what is
         refused at its time, and for a STOP that somebody else has sent meanwhile, when the lines before it were sent. A
-        RELEASE ends STOPs of scripts only: one that would meet another STOP is refused before anything is sent, and on
-        the air it ends none of other operators.
+        RELEASE ends STOPs of scripts only: one that would meet another STOP is refused before anything is sent, and so
+        is, on the air, a RELEASE ALL.
 
         script: as in a mission file; None for what was not sent yet of the scenario's own mission.
         wait: s that may pass after the last line until all have answered.
@@ -320,7 +320,7 @@ class Fleet(ABC):
         lines = Mission(script) if isinstance(script, str) else self._to_play() if script is None else script
         for line in lines:
             readable(line.order)
-            with _placed(line.order.place):
+            with placed(line.order.place):
                 self.desk_of(line.instruction.by)
         self._refuse_release(lines)
         began, results, learned = self._zero(), list[CommandResult](), LearnedNames(self.station.vocabulary)
@@ -328,7 +328,7 @@ class Fleet(ABC):
         for line in lines:
             self._reach(began + line.time)
             order = line.instruction
-            with _placed(line.order.place):
+            with placed(line.order.place):
                 if not self._stops() <= known:
                     raise MisuseError("STOP ended the script, and this and what follows was not sent: release it first")
                 if order.kind in ("once", "standing"):
@@ -350,12 +350,12 @@ class Fleet(ABC):
 
     def _refuse_release(self, lines: Mission) -> None:
         """Raises MissionError for a line that would end a STOP which no script has sent, but a person."""
-        from sleepcast.loop.mission import is_stopped_by_others
+        from sleepcast.loop.mission import RELEASES, is_stopped_by_others
 
-        first = next((line for line in lines if line.instruction.kind == "RELEASE"), None)
+        first = next((line for line in lines if line.instruction.kind in RELEASES), None)
         messages = (command.message for command in self._commands())
         if first is not None and is_stopped_by_others(messages, self._scripted | self._sent_by_desk()):
-            with _placed(first.order.place):
+            with placed(first.order.place):
                 raise MisuseError("STOP holds, which no script has sent, so that none ends it: release it first")
 
     def _sent_by_desk(self) -> set[str]:
@@ -376,7 +376,7 @@ class Fleet(ABC):
         match order.kind:
             case "STOP":
                 return self.stop(wait=0.0, by=order.by)
-            case "RELEASE":
+            case "RELEASE ALL":
                 return self.release(wait=0.0, by=order.by)
             case "ask":
                 return self.ask(order.text, wait=0.0, only=order.only, but=order.but, sure=sure, by=order.by)
@@ -462,11 +462,11 @@ class Fleet(ABC):
         return self._until(sent, wait)
 
     def release(self, *, wait: float | str = WAIT, by: str = "") -> CommandResult:
-        """End STOP on every robot; nothing old resumes by itself. by: the operator who releases them, as for
-        `send`."""
+        """End STOP on every robot, whoever stopped it; nothing old resumes by itself. by: the operator who releases
+        them, as for `send`."""
         wait, desk = in_seconds(wait, "wait"), self.desk_of(by)
         with self._turn():
-            sent = desk.release()
+            sent = desk.release_all()
         return self._until(sent, wait)
 
     @abstractmethod
@@ -603,7 +603,7 @@ class Fleet(ABC):
 
 
 @contextmanager
-def _placed(place: str) -> Iterator[None]:
+def placed(place: str) -> Iterator[None]:
     """Raises MissionError, with the place of the line, for what is wrong with one."""
     try:
         yield

@@ -14,7 +14,7 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.api.commands import WAIT, Fleet, read_only
+from sleepcast.api.commands import WAIT, Fleet, placed, read_only
 from sleepcast.api.connection import CHANNEL, FLEET, AirOptions, observing_station
 from sleepcast.api.progress import steps
 from sleepcast.api.results import CommandResult
@@ -29,9 +29,9 @@ from sleepcast.station.remote import TelemetryClient
 from sleepcast.station.validation import MAX_LISTED
 
 if TYPE_CHECKING:
+    from sleepcast.api.mission import Mission
     from sleepcast.notebook import NotebookDesk
     from sleepcast.simulator import Order
-    from sleepcast.simulator.scenario.mission import Instruction
 
 TURN = 0.05
 """Seconds of hearing in one turn, after which another thread may have its own."""
@@ -132,12 +132,15 @@ class ConnectedFleet(Fleet):
     def _played(self, order: Order, sent: Command | None) -> None:
         """Nothing: no scenario with a mission lies behind robots on the air."""
 
-    def _order(self, order: Instruction, sure: bool) -> CommandResult | None:
-        if order.kind != "RELEASE":
-            return super()._order(order, sure)
-        with self._turn():
-            sent = self.station.release(-inf)  # a script ends no STOP of others
-        return self._until(sent, 0.0)
+    def _refuse_release(self, lines: Mission) -> None:
+        """Also for a line that would end the STOPs of other operators, who are persons."""
+        super()._refuse_release(lines)
+        for line in lines:
+            if line.instruction.kind == "RELEASE ALL":
+                with placed(line.order.place):
+                    raise MisuseError(
+                        "on the air no script ends STOPs of other operators: write RELEASE, and release them by hand"
+                    )
 
     def release(self, *, wait: float | str = WAIT, by: str = "") -> CommandResult:
         wait = in_seconds(wait, "wait")

@@ -220,8 +220,8 @@ class Backend:
         self._latch(True)
 
     def release(self, by: str = "") -> None:
-        """End STOP, as this operator."""
-        self.desk_of(by).release()
+        """End STOP, whoever gave it, as this operator."""
+        self.desk_of(by).release_all()
         self._latch(False)
 
     def _latch(self, latched: bool) -> None:

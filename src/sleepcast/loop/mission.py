@@ -15,7 +15,7 @@ from itertools import islice
 from typing import Protocol, TypeAlias
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.message import FOR, NOT
+from sleepcast.channel.message import ENDS, FOR, NOT
 from sleepcast.core.errors import SleepcastError, in_file
 from sleepcast.language.reader import read
 from sleepcast.simulator import MissionError, Order
@@ -23,6 +23,7 @@ from sleepcast.simulator.scenario.mission import OrderKind, instruction
 
 _KINDS: Mapping[Kind, OrderKind] = {Kind.COMMAND: "once", Kind.ASK: "ask", Kind.STOP: "STOP", Kind.RELEASE: "RELEASE"}
 _WORDLESS = (Kind.STOP, Kind.RELEASE)
+RELEASES: frozenset[OrderKind] = frozenset({"RELEASE", "RELEASE ALL"})
 Words: TypeAlias = tuple[str, OrderKind, str, frozenset[str] | None, frozenset[str] | None]
 """What orders are told apart by: who sends them, their kind, their text, whom they are for, and whom they are not
 for."""
@@ -59,6 +60,8 @@ class SentMessage(Protocol):
 
 def order_kind(message: Message) -> OrderKind | None:
     """The kind of order that a message of a desk is; None for what no mission sends."""
+    if message.kind is Kind.RELEASE and message.body.get(ENDS):
+        return "RELEASE ALL"
     return "standing" if message.standing and message.kind is Kind.COMMAND else _KINDS.get(message.kind)
 
 
@@ -157,7 +160,7 @@ class MissionLog:
     def _words(self, order: Order) -> Words:
         wanted = instruction(order)
         by = wanted.by or self._first
-        return by, wanted.kind, " ".join(wanted.text.split()), _names(wanted.only), _names(wanted.but)
+        return by, _told_apart(wanted.kind), " ".join(wanted.text.split()), _names(wanted.only), _names(wanted.but)
 
 
 def is_same(order: Order, other: Order) -> bool:
@@ -169,8 +172,19 @@ def _words_of(message: Message) -> Words | None:
     kind = order_kind(message)
     if kind is None:
         return None
-    text = "" if kind in ("STOP", "RELEASE") else " ".join(message.text.split())
-    return message.sender, kind, text, _names(named_robots(message, FOR)), _names(named_robots(message, NOT))
+    text = "" if message.kind in _WORDLESS else " ".join(message.text.split())
+    return (
+        message.sender,
+        _told_apart(kind),
+        text,
+        _names(named_robots(message, FOR)),
+        _names(named_robots(message, NOT)),
+    )
+
+
+def _told_apart(kind: OrderKind) -> OrderKind:
+    """What an order counts as: RELEASE ALL is a mere RELEASE where others have sent no STOP."""
+    return "RELEASE" if kind in RELEASES else kind
 
 
 def _names(names: Sequence[str] | None) -> frozenset[str] | None:

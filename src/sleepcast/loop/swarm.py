@@ -94,7 +94,10 @@ class Desk(Protocol):
         """Stop every body."""
 
     def release(self) -> SentCommand:
-        """End STOP."""
+        """End the STOPs that this desk has sent."""
+
+    def release_all(self) -> SentCommand:
+        """End those of all other operators, too, of which it knows."""
 
     def on_air(self, message: Message) -> None:
         """A message of its own goes out now, in this tick: it may have been posted before the tick began."""
@@ -422,6 +425,8 @@ def act_on(desk: Desk, wanted: Instruction) -> SentCommand | None:
             return desk.stop()
         case "RELEASE":
             return desk.release()
+        case "RELEASE ALL":
+            return desk.release_all()
         case "lease":
             action, group = wanted.text.split()
             seconds = LEASE_SECONDS if wanted.within is None else wanted.within

@@ -545,6 +545,11 @@ ENDED = "a RELEASE that was sent later has ended this STOP"
 """The reason why a STOP is not obeyed."""
 
 
+def is_ended_by(stop: StopMark, release: Message) -> bool:
+    """Whether this RELEASE of another sender names this STOP."""
+    return any(mark.covers(stop) for mark in marks_of(release.body.get(ENDS)))
+
+
 def mark_of(message: Message) -> StopMark:
     """The mark of a STOP; for a RELEASE, the mark of the STOPs that were sent before it."""
     sender, epoch, number = message.sender, message.epoch, message.sequence

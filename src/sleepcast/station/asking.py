@@ -76,7 +76,7 @@ class AwaitedRelease:
 
     def send(self) -> Command:
         """Send it now."""
-        return self._station.release(self._decided)
+        return self._station.release_all(self._decided)
 
 
 def release(station: NetworkStation, telemetry: TelemetryClient) -> Command:

@@ -332,9 +332,14 @@ class NetworkStation(Station):
         self._drivers.clear()
         return super().stop()
 
-    def release(self, decided: float | None = None) -> Command:
-        """As every station; it ends the STOPs of others, too, of which the desk knows that they were there when this
-        was decided (s of Unix time, None: now). Raises RoleError for an observer."""
+    def release(self) -> Command:
+        """As every station. Raises RoleError for an observer."""
+        self.require(Kind.RELEASE)
+        return super().release()
+
+    def release_all(self, decided: float | None = None) -> Command:
+        """The same, and it ends the STOPs of others of which the desk knows that they were there when this was decided
+        (s of Unix time, None: now). Raises RoleError for an observer."""
         self.require(Kind.RELEASE)
         known = [stop for stop in self._stops.values() if decided is None or stop.since <= decided]
         known.sort(key=lambda stop: (stop.mark.sender != FORGOTTEN, stop.released, not stop.holds, -stop.since))

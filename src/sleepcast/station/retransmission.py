@@ -15,9 +15,9 @@ import msgspec
 import numpy as np
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.message import AGAIN, AGE, ENDS, FIRST, FOR, NOT, WITHIN
+from sleepcast.channel.message import AGAIN, AGE, FIRST, FOR, NOT, WITHIN
 from sleepcast.channel.reliable import ReliableDelivery
-from sleepcast.mind.authority import mark_of, marks_of
+from sleepcast.mind.authority import is_ended_by, mark_of
 from sleepcast.station.roster import Roster
 from sleepcast.station.sent import Command, SentCommands
 from sleepcast.station.station import REPEAT_AFTER
@@ -89,8 +89,7 @@ class Retransmission:
         latch = self._sent.latch
         if latch is None or by.kind not in LATCHING or latch.kind is by.kind:
             return
-        ours, ended = mark_of(latch.message), marks_of(by.body.get(ENDS))
-        if by.kind is Kind.STOP or any(mark.covers(ours) for mark in ended):
+        if by.kind is Kind.STOP or is_ended_by(mark_of(latch.message), by):
             latch.ended_by = by.sender
             self.give_up(latch.id)
 

@@ -21,6 +21,7 @@ from sleepcast.channel.message_batch import AnswerColumns as Said
 from sleepcast.channel.message_batch import NameIndex, ascending
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.serial import Array, SerialError, within
+from sleepcast.mind.authority import StopMark, is_ended_by, mark_of
 from sleepcast.station.leases import in_words
 from sleepcast.station.rest import RestAccount, RestStates
 from sleepcast.station.roster import Index, Seconds, longer
@@ -415,6 +416,23 @@ class SentCommands:
 
     def __contains__(self, command: object) -> bool:
         return command in self._commands
+
+    @property
+    def stop(self) -> Command | None:
+        """The last STOP, None if there is none or this desk has released it since."""
+        return self.latch if self.latch is not None and self.latch.kind is Kind.STOP else None
+
+    @property
+    def stops(self) -> StopMark | None:
+        """By what others name all STOPs so far, None if there is none."""
+        return None if self.latch is None else mark_of(self.latch.message)
+
+    def stop_ended_by(self, others: Iterable[SentCommands]) -> bool:
+        """Whether the last STOP has been ended by a RELEASE of others."""
+        stop = self.stop
+        sent = (each for other in others for each in (other.latch, *other.all()) if each is not None)
+        releases = (each.message for each in sent if each.kind is Kind.RELEASE)
+        return stop is not None and any(is_ended_by(mark_of(stop.message), release) for release in releases)
 
     def ids(self) -> list[str]:
         """The stored commands and questions, oldest first."""

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.message import FOR, RULE, TELEMETRY, LeaseAction
+from sleepcast.channel.message import ENDS, FOR, RULE, TELEMETRY, LeaseAction
 from sleepcast.channel.message_batch import AnswerColumns, MessageBatch
 from sleepcast.columns.telemetry import BulkTelemetry, TelemetryTable, validate_reading
 from sleepcast.columns.values import Mask
@@ -129,6 +129,8 @@ class Station:
         """What robots reported before they were commanded does not say who will obey."""
         self.policy = SendPolicy() if policy is None else policy
         self.vocabulary, self._outbox = vocabulary, outbox
+        self.beside: Sequence[Station] = ()
+        """The desks of further operators that know of each other what they send: those of one simulated run."""
         self._sequence = self._tellings = 0
         """The number of the latest message; how often robots have told of themselves."""
 
@@ -413,8 +415,13 @@ class Station:
         return self._broadcast(Kind.STOP)
 
     def release(self) -> Command:
-        """End STOP on every robot; nothing old resumes by itself."""
+        """End our own STOPs on every robot; nothing old resumes by itself."""
         return self._broadcast(Kind.RELEASE)
+
+    def release_all(self) -> Command:
+        """The same for a person, who sees whom others have stopped: it ends the STOPs of desks beside this one, too."""
+        ends = [stops.named for desk in self.beside if (stops := desk._sent.stops) is not None]
+        return self._broadcast(Kind.RELEASE, body={ENDS: ends} if ends else {})
 
     def lease(self, action: LeaseAction, group: str, seconds: float, to: str = "") -> Command:
         """Do something about the lease of a group, for so many seconds. to: who is granted it. Raises LeaseError."""
@@ -442,8 +449,7 @@ class Station:
                 self._outbox(self._compose(Kind.HEARTBEAT, now, now + self._heartbeat, "", False, {}))
             if latest is None or now - latest.last_sent < REPEAT_AFTER:
                 return
-            silent = latest.n_silent
-            if silent:
+            if (silent := latest.n_silent) and not self._sent.stop_ended_by(desk._sent for desk in self.beside):
                 latest.last_sent = now
                 self._note(JournalEvent.REPEATED, subject=latest.id, text=latest.text, details={"silent": silent})
                 self._outbox(latest.message)
@@ -545,8 +551,7 @@ class Station:
     def hear_many(self, batch: MessageBatch) -> None:
         """Take in what many robots say at once; their places are those of the roster. Reports are heard one by one, as
         many as are kept; answers are one entry in the journal."""
-        said = batch.words
-        if not isinstance(said, AnswerColumns):
+        if not isinstance(said := batch.words, AnswerColumns):
             for message in batch.take(slice(-MAX_REPORTS, None)).messages():
                 self.hear(message)
         with self._lock:
@@ -603,27 +608,19 @@ class Station:
         if latest is None or now < latest.message.issued:
             return
         there = robots[stopped == (latest.kind is Kind.STOP)]
-        said = AnswerColumns.alike(latest.id, len(there), "stopped")
-        latest.answers.take(there, np.arange(len(there)), said, now)
+        latest.answers.take(there, np.arange(len(there)), AnswerColumns.alike(latest.id, len(there), "stopped"), now)
         self._take_rests(there)
 
     def _take_rest(self, place: int | None, message: Message) -> None:
         """A robot may tell whether it has come to rest since the STOP that holds."""
-        latest = self._sent.latch
-        if latest is None or latest.kind is not Kind.STOP or place is None:
-            return
-        state = motion_said(message)
-        if state is not None:
-            latest.rest.add(place, state)
+        if (stop := self._sent.stop) and place is not None and (state := motion_said(message)) is not None:
+            stop.rest.add(place, state)
 
     def _take_rests(self, robots: Index) -> None:
         """Robots that are stopped tell how they move, where their minds tell that of many at once."""
-        latest = self._sent.latch
-        if latest is None or latest.kind is not Kind.STOP or self._fleet_telemetry is None:
-            return
-        states = self._fleet_telemetry.rest_states(robots)
-        if states is not None:
-            latest.rest.take(robots, *states)
+        stop, telemetry = self._sent.stop, self._fleet_telemetry
+        if stop is not None and telemetry is not None and (states := telemetry.rest_states(robots)) is not None:
+            stop.rest.take(robots, *states)
 
     def _note(
         self,

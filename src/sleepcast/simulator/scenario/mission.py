@@ -6,7 +6,8 @@
     @{LATE} (WHEN (> fuel {ENOUGH}) (ST))     ; numbers from the scenario's [constants]
     @2min  standing (RULE shy (...))          ; or: ask fuel, only scout1,scout2 (ST), within 60s (ST)
     = matched 98, unknown at most 3           ; what shall have become of it when the run ends
-    @3min  STOP                               ; or RELEASE
+    @3min  STOP                               ; or RELEASE, which ends the STOPs of its sender
+    @3min  RELEASE ALL                        ; ends the STOPs of all operators
     @4min  as bert (ST)                       ; sent by this one of the scenario's [operators]; else by the first
     @4min  as anna lease take bravo for 60s   ; or: give, request, force; grant bravo to bert
     @4min  as anna HOLD                       ; robots hear all the time that she is there, until AWAY
@@ -46,8 +47,14 @@ COUNTS = ("matched", "held", "not matched", "unknown", "fault", "silent")
 """What is counted of an order: robots that obeyed, those among them that STOP held, and so on."""
 BOUNDS = ("exactly", "at least", "at most")
 
-OrderKind: TypeAlias = Literal["once", "standing", "ask", "lease", "STOP", "RELEASE", "HOLD", "AWAY"]
-_WORDLESS: dict[str, OrderKind] = {"STOP": "STOP", "RELEASE": "RELEASE", "HOLD": "HOLD", "AWAY": "AWAY"}
+OrderKind: TypeAlias = Literal["once", "standing", "ask", "lease", "STOP", "RELEASE", "RELEASE ALL", "HOLD", "AWAY"]
+_WORDLESS: dict[str, OrderKind] = {
+    "STOP": "STOP",
+    "RELEASE": "RELEASE",
+    "RELEASE ALL": "RELEASE ALL",
+    "HOLD": "HOLD",
+    "AWAY": "AWAY",
+}
 _KINDS: dict[str, OrderKind] = {"once": "once", "standing": "standing", "ask": "ask"}
 _ONE = r"(\d++(?:\.\d*+)?+|\.\d++)\s*([A-Za-z%/0-9]*)"
 _TIME = re.compile(_ONE)
@@ -154,7 +161,7 @@ def instruction(order: Order) -> Instruction:
     parsed, rest = Instruction("once"), order.text
     if match := _BY.match(rest):
         parsed, rest = parsed._replace(by=match[1]), rest[match.end() :].lstrip()
-    if (whole := _bare(rest)) in _WORDLESS:
+    if (whole := " ".join(_bare(rest).split())) in _WORDLESS:
         return parsed._replace(kind=_WORDLESS[whole])
     if match := _LEASE.fullmatch(rest.strip()):
         seconds = _seconds(match[4], match[5], order.place) if match[4] else None

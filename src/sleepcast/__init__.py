@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from sleepcast.api.payload import SimulatedBody
     from sleepcast.api.results import CommandResult
     from sleepcast.api.table import DataTable
+    from sleepcast.api.worlds import WorldHistory, WorldResults, Worlds, open_many
     from sleepcast.core import errors
 
 __version__ = VERSION
@@ -39,10 +40,14 @@ __all__ = [
     "Mission",
     "SimulatedBody",
     "SimulatedFleet",
+    "WorldHistory",
+    "WorldResults",
+    "Worlds",
     "connect",
     "errors",
     "language",
     "open",
+    "open_many",
     "resume",
 ]
 
@@ -58,6 +63,7 @@ _MODULES = {
     "History": "sleepcast.api.history",
     "Mission": "sleepcast.api.mission",
     "SimulatedBody": "sleepcast.api.payload",
+    **dict.fromkeys(("WorldHistory", "WorldResults", "Worlds", "open_many"), "sleepcast.api.worlds"),
 }
 """Where each other name is."""
 

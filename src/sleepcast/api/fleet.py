@@ -29,7 +29,7 @@ from sleepcast.language.evaluate import is_true
 from sleepcast.loop import Swarm, load, save, snapshot
 from sleepcast.loop.mission import MissionLog
 from sleepcast.loop.rerun import InputLog
-from sleepcast.simulator import Changes, Scenario, World, find_scenario, read_scenario
+from sleepcast.simulator import Changes, Payload, Scenario, World, find_scenario, read_scenario
 from sleepcast.simulator.scenario.mission import Instruction, Order
 from sleepcast.simulator.scenario.robot_settings import MAX_TIME
 from sleepcast.station import Command, Station
@@ -384,24 +384,34 @@ def open(
         `SimulatedFleet.play` does.
     threads: None is one for each core; any number gives the same bits.
     """
-    changed = _changed(over)
     count, payload = (None, payload_of(robots)) if isinstance(robots, type | str) else (robots, None)
-    changes = Changes(count, area_per_robot, walls, seed, changed)
+    changes = Changes(count, area_per_robot, walls, seed, changed_keys(over))
+    chosen = chosen_scenario(scenario, changes)
+    warm_up(chosen, threads)
+    return begin(chosen, changes.seed, mission=mission, threads=threads, payload=payload)
+
+
+def chosen_scenario(scenario: str | PathLike[str] | Scenario, changes: Changes) -> Scenario:
+    """See `open`, whose errors it raises."""
     if isinstance(scenario, Scenario):
         if changes != Changes(seed=changes.seed):
             raise MisuseError("a Scenario object is taken as it is: give its name, path or text to change it")
-        chosen = scenario
-    elif isinstance(scenario, str) and "\n" in scenario:
-        chosen = read_scenario(scenario, changes)
-    else:
-        chosen = find_scenario(fspath(scenario), changes)
-    warm_up(chosen, threads)
-    fleet = SimulatedFleet(*assemble(chosen, changes.seed, mission=mission, threads=threads, payload=payload))
+        return scenario
+    if isinstance(scenario, str) and "\n" in scenario:
+        return read_scenario(scenario, changes)
+    return find_scenario(fspath(scenario), changes)
+
+
+def begin(
+    scenario: Scenario, seed: int | None, *, mission: bool, threads: int | None, payload: Payload | None
+) -> SimulatedFleet:
+    """A fleet at the start of a scenario; see `open`."""
+    fleet = SimulatedFleet(*assemble(scenario, seed, mission=mission, threads=threads, payload=payload))
     fleet._watch_inputs()
     return fleet
 
 
-def _changed(over: Mapping[str, object] | None) -> tuple[tuple[str, object], ...]:
+def changed_keys(over: Mapping[str, object] | None) -> tuple[tuple[str, object], ...]:
     """The keys that a caller changes; NumPy's single values are plain ones. Raises MisuseError for what names none."""
     if not isinstance(over or {}, Mapping):
         raise MisuseError(f'over {over!r:.80}: wanted keys with what they say instead, such as {{"radio.loss": 0.3}}')

@@ -142,6 +142,15 @@ class TestCommands:
 
 
 class TestReading:
+    def test_reading_changes_nothing(self) -> None:
+        """Asking set the clocks of idle robots, which then told another time than those that nobody had asked."""
+        asked, left_alone = bravo(), bravo()
+        for _ in range(3):
+            asked.run(1)
+            left_alone.run(1)
+            assert (asked["(+ time (* 0s fuel))"] == asked.time).all()
+        assert asked.snapshot() == left_alone.snapshot()
+
     def test_expressions_are_read_without_a_radio_and_change_nothing(self) -> None:
         fleet = bravo().run(1)
         before = fleet.hash

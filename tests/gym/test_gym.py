@@ -19,6 +19,8 @@ from pettingzoo.test import parallel_api_test, parallel_seed_test
 import sleepcast.gym as gym
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.extras import installing
+from sleepcast.gym.episode import Episode
+from sleepcast.gym.task import Task, checked
 
 FAR = "(DIST x y vessel_x vessel_y)"
 RESCUE: dict[str, Any] = {
@@ -29,6 +31,16 @@ RESCUE: dict[str, Any] = {
     "ticks": 2,
 }
 LONG = {"seconds": 2_000.0, "ticks": 40}
+SETPOINTS = ("drive_speed", "drive_turn")
+BRAVO: dict[str, Any] = {"scenario": "bravo", **RESCUE}
+CROWD: dict[str, Any] = {
+    "scenario": "crowd",
+    "observations": ["x", "sonar1", "(IF (< front_range 1m) (COS heading) time)", "bumper"],
+    "reward": "(/ speed (+ id 1))",
+    "robots": 5,
+    "ticks": 3,
+}
+LEARNED: dict[str, Any] = {**BRAVO, "mission": True, "observations": ["x", "(IF (IN bravo) 1 0)"], "reward": "E1"}
 
 
 MAKERS = pytest.mark.parametrize("make", [gym.parallel_env, gym.vector_env])
@@ -353,6 +365,140 @@ class TestVector:
         for _ in range(25):
             env.step(np.full((6, 2), [1e6, 0.0]))
         assert env.fleet["speed"].max() <= 30 * 1852 / 3600 + 1e-9
+
+
+APART = """
+format = 1
+title = "Robots that drive apart"
+seconds = "15s"
+tick = "0.5s"
+[world]
+width = "100m"
+height = "100m"
+[robots]
+type = "vehicle"
+count = 2
+motion = "still"
+x = ["40m", "60m"]
+y = ["40m", "60m"]
+[robots.limits]
+speed = "1m/s"
+turn_rate = "45deg/s"
+acceleration = "1m/s2"
+[robots.body]
+radius = "0.2m"
+"""
+"""Robots that drive straight on are far from the middle in the end, at different times in different worlds, and in some
+not before the time is over."""
+
+
+class TestWorlds:
+    @pytest.mark.parametrize("task", [BRAVO, CROWD, LEARNED])
+    def test_each_equals_the_run_alone(self, task: dict[str, Any]) -> None:
+        """What is evaluated on one table of all worlds, and what is not."""
+        env = gym.vector_env(worlds=3, **task)
+        robots = env.num_envs // 3
+        env.action_space.seed(5)
+        observed, _ = env.reset(seed=4)
+        alone = [Episode(checked(Task(actions=SETPOINTS, **task)), 4, 0, world) for world in range(3)]
+        assert np.array_equal(observed, np.concatenate([each.observe() for each in alone]))
+        assert len({each.fleet.hash for each in alone}) == 3
+        for _ in range(6):
+            actions = env.action_space.sample()
+            observed, reward, *_ = env.step(actions)
+            steps = [each.step(some) for each, some in zip(alone, np.split(actions, 3), strict=True)]
+            assert np.array_equal(observed, np.concatenate([each.observed for each in steps]))
+            assert np.array_equal(reward, np.concatenate([each.reward for each in steps]))
+        assert [each.snapshot() for each in env.fleets] == [each.fleet.snapshot() for each in alone]
+        assert observed.shape == (3 * robots, len(task["observations"]))
+
+    def test_the_first_world_is_the_same_however_many_there_are(self) -> None:
+        one, many = (gym.vector_env("bravo", worlds=worlds, **RESCUE) for worlds in (1, 3))
+        assert np.array_equal(one.reset(seed=4)[0], many.reset(seed=4)[0][:6])
+
+    def test_without_a_seed_all_worlds_have_the_one_that_is_drawn(self) -> None:
+        env = gym.vector_env("bravo", worlds=3, **RESCUE)
+        env.reset()
+        assert len({key and key.seed for key in env.episode_keys}) == 1
+        assert len({fleet.hash for fleet in env.fleets}) == 3
+
+    @pytest.mark.parametrize("mode", AutoresetMode)
+    def test_episodes_end_world_by_world(self, mode: AutoresetMode) -> None:
+        away = "(DIST x y 50m 50m)"
+        env = gym.vector_env(
+            APART,
+            observations=["x", away],
+            reward=away,
+            until=f"share (> {away} 14m) >= 1",
+            worlds=4,
+            autoreset=mode.value,
+        )
+        assert env.metadata["autoreset_mode"] is mode
+        env.reset(seed=4)
+        reasons = set[tuple[bool, ...]]()
+        waits = np.zeros(4, np.bool_)
+        for _ in range(70):
+            before = [key and key.episode for key in env.episode_keys]
+            _, reward, ended, over, info = env.step(np.full((8, 2), [10.0, 0.0]))
+            done = (ended | over).reshape(4, 2)
+            assert (done.any(axis=1) == done.all(axis=1)).all(), "a world's rows end together"
+            fresh = np.array([fleet.time == 0.0 for fleet in env.fleets])
+            assert (fresh == (done[:, 0] if mode is AutoresetMode.SAME_STEP else waits)).all()
+            again = [key and key.episode for key in env.episode_keys]
+            assert [now != then for now, then in zip(again, before, strict=True)] == fresh.tolist()
+            if mode is AutoresetMode.SAME_STEP and done.any():
+                assert (info["_final_obs"] == done.ravel()).all()
+                last = info["final_obs"][done.ravel()]
+                assert np.allclose(reward[done.ravel()], [each[1] for each in last], rtol=1e-6)
+            reasons |= {tuple(each) for each in np.stack((ended, over))[:, ::2].T.tolist()}
+            waits = done[:, 0]
+            if mode is AutoresetMode.DISABLED and waits.any():
+                with pytest.raises(MisuseError, match="episodes are over: call reset"):
+                    env.step(np.zeros((8, 2)))
+                env.reset(options={"reset_mask": np.repeat(waits, 2)})
+                waits = np.zeros(4, np.bool_)
+        assert {(True, False), (False, True), (False, False)} <= reasons
+
+    def test_a_mask_begins_whole_worlds_anew(self) -> None:
+        env = gym.vector_env("bravo", worlds=3, **RESCUE)
+        env.reset(seed=4)
+        before, *_ = env.step(np.full((18, 2), [10.0, 0.0]))
+        after, _ = env.reset(options={"reset_mask": np.arange(18) // 6 == 1})
+        same = (before == after).all(axis=1).reshape(3, 6).all(axis=1)
+        assert same.tolist() == [True, False, True]
+        assert [key and key.episode for key in env.episode_keys] == [0, 1, 0]
+        with pytest.raises(MisuseError, match=r"12 of 18 robots are left out, .* whole worlds"):
+            env.reset(options={"reset_mask": np.arange(18) % 3 == 0})
+
+    def test_wrappers_of_gymnasium_work(self) -> None:
+        env = RecordEpisodeStatistics(gym.vector_env("bravo", worlds=2, autoreset="SameStep", **RESCUE))
+        env.reset(seed=1)
+        for _ in range(20):
+            *_, info = env.step(env.action_space.sample())
+            if "episode" in info:
+                assert (info["episode"]["l"] == 15).all()
+                return
+        raise AssertionError("no episode has ended")
+
+    def test_what_is_wrong_is_said_with_its_world(self) -> None:
+        env = gym.vector_env("bravo", worlds=2, **RESCUE)
+        env.reset(seed=1)
+        actions = np.zeros((12, 2))
+        actions[8, 1] = np.nan
+        with pytest.raises(MisuseError, match="action for scout3 of world 1"):
+            env.step(actions)
+
+    @pytest.mark.parametrize(
+        ("given", "said"),
+        [
+            ({"worlds": 0}, "worlds 0: wanted a whole number from 1"),
+            ({"worlds": 100_000, "robots": 11}, "100,000 worlds of 11 robots: at most 1,000,000"),
+            ({"autoreset": "never"}, "autoreset 'never': wanted one of NextStep, SameStep, Disabled"),
+        ],
+    )
+    def test_what_makes_none(self, given: dict[str, Any], said: str) -> None:
+        with pytest.raises(MisuseError, match=said):
+            gym.vector_env("bravo", **{**RESCUE, **given})
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import cast
 
 from sleepcast.api.progress import counting
@@ -92,12 +93,20 @@ def _station(swarm: Swarm, operator: str, journal: Journal | None) -> Station:
     )
 
 
+_warm = set[tuple[Path, int | None]]()
+"""Scenarios, and threads, for which everything is compiled in this process."""
+
+
 def warm_up(scenario: Scenario, threads: int | None, *, quiet: bool = False) -> None:
-    """Load and compile all that a tick of `scenario` needs, by letting a few robots live in it for a moment.
+    """Load and compile all that a tick of `scenario` needs, by letting a few robots live in it for a moment; once in a
+    process, since what settings change of it is compiled when it is first needed.
 
     threads: None is one for each core.
     quiet: whether to print no line that counts the compiled kernels.
     """
+    if (scenario.path, threads) in _warm:
+        return
+    _warm.add((scenario.path, threads))
     few = few_of(scenario)
     with counting("compiling the simulator, once on this computer: kernel", kernel_count, KERNELS, quiet=quiet):
         compile_kernels(few)

@@ -29,7 +29,7 @@ from sleepcast.language.evaluate import is_true
 from sleepcast.loop import Swarm, load, save, snapshot
 from sleepcast.loop.mission import MissionLog
 from sleepcast.loop.rerun import InputLog
-from sleepcast.simulator import Changes, Payload, Scenario, World, find_scenario, read_scenario
+from sleepcast.simulator import Changes, Scenario, World, find_scenario, read_scenario
 from sleepcast.simulator.scenario.mission import Instruction, Order
 from sleepcast.simulator.scenario.robot_settings import MAX_TIME
 from sleepcast.station import Command, Station
@@ -385,14 +385,15 @@ def open(
     threads: None is one for each core; any number gives the same bits.
     """
     count, payload = (None, payload_of(robots)) if isinstance(robots, type | str) else (robots, None)
-    changes = Changes(count, area_per_robot, walls, seed, changed_keys(over))
-    chosen = chosen_scenario(scenario, changes)
+    changes = Changes(count, area_per_robot, walls, seed, _changed(over))
+    chosen = _chosen(scenario, changes)
     warm_up(chosen, threads)
-    return begin(chosen, changes.seed, mission=mission, threads=threads, payload=payload)
+    fleet = SimulatedFleet(*assemble(chosen, changes.seed, mission=mission, threads=threads, payload=payload))
+    fleet._watch_inputs()
+    return fleet
 
 
-def chosen_scenario(scenario: str | PathLike[str] | Scenario, changes: Changes) -> Scenario:
-    """See `open`, whose errors it raises."""
+def _chosen(scenario: str | PathLike[str] | Scenario, changes: Changes) -> Scenario:
     if isinstance(scenario, Scenario):
         if changes != Changes(seed=changes.seed):
             raise MisuseError("a Scenario object is taken as it is: give its name, path or text to change it")
@@ -402,16 +403,7 @@ def chosen_scenario(scenario: str | PathLike[str] | Scenario, changes: Changes) 
     return find_scenario(fspath(scenario), changes)
 
 
-def begin(
-    scenario: Scenario, seed: int | None, *, mission: bool, threads: int | None, payload: Payload | None
-) -> SimulatedFleet:
-    """A fleet at the start of a scenario; see `open`."""
-    fleet = SimulatedFleet(*assemble(scenario, seed, mission=mission, threads=threads, payload=payload))
-    fleet._watch_inputs()
-    return fleet
-
-
-def changed_keys(over: Mapping[str, object] | None) -> tuple[tuple[str, object], ...]:
+def _changed(over: Mapping[str, object] | None) -> tuple[tuple[str, object], ...]:
     """The keys that a caller changes; NumPy's single values are plain ones. Raises MisuseError for what names none."""
     if not isinstance(over or {}, Mapping):
         raise MisuseError(f'over {over!r:.80}: wanted keys with what they say instead, such as {{"radio.loss": 0.3}}')

@@ -16,10 +16,8 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.api.assembly import warm_up
-from sleepcast.api.fleet import SimulatedFleet, begin, changed_keys, chosen_scenario
+from sleepcast.api.fleet import SimulatedFleet, open
 from sleepcast.api.history import History
-from sleepcast.api.payload import payload_of
 from sleepcast.api.progress import steps
 from sleepcast.api.results import CommandResult
 from sleepcast.api.table import DataTable, Numbers, Texts
@@ -28,7 +26,6 @@ from sleepcast.core.given_numbers import in_seconds, read_seconds, read_seed, wh
 from sleepcast.core.threads import ThreadPool
 from sleepcast.core.ticks import nearest_ticks
 from sleepcast.loop.swarm import MAX_MINDS
-from sleepcast.simulator import Changes
 from sleepcast.simulator.engine import MAX_THREADS, cores
 from sleepcast.simulator.scenario.robot_settings import MAX_TIME
 
@@ -349,17 +346,18 @@ def open_many(
     quiet: whether to show no progress bar.
     The rest: see `open`.
     """
-    count, added = (None, robots) if isinstance(robots, type | str) else (robots, None)
-    warm = set[str]()
 
     def opened(plan: WorldPlan) -> SimulatedFleet:
-        changes = Changes(count, area_per_robot, walls, plan.seed, changed_keys(plan.over))
-        chosen = chosen_scenario(scenario, changes)
-        if not warm:
-            warm_up(chosen, 1, quiet=quiet)
-            warm.add(chosen.name)
-        payload = None if added is None else payload_of(added)
-        return begin(chosen, plan.seed, mission=mission, threads=1, payload=payload)
+        return open(
+            scenario,
+            seed=plan.seed,
+            robots=robots,
+            area_per_robot=area_per_robot,
+            walls=walls,
+            over=plan.over,
+            mission=mission,
+            threads=1,
+        )
 
     at_once = cores() if threads is None else whole_number(threads, "threads", 1, MAX_THREADS)
     return Worlds(_plans(seeds, over or {}), opened, at_once, quiet=quiet)

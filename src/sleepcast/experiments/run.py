@@ -65,9 +65,6 @@ LONGEST_HASH = 128
 NOT_OURS = "the worker of the cluster answered something that is no outcome of this run: has it another sleepcast?"
 ENDED = "the system ended its worker process: perhaps there was not enough memory"
 
-_warm: set[str] = set()
-"""Scenarios for which everything is compiled in this process."""
-
 
 class ClusterError(MisuseError):
     """A cluster that cannot be reached."""
@@ -88,9 +85,7 @@ def opened(experiment: Experiment, run: PlannedRun) -> SimulatedFleet:
     """The fleet at the start of a run. Raises what is wrong in the scenario or in a command."""
     scenario = experiment.scenario_at(run.point, run.seed)
     orders = orders_of(experiment, scenario)
-    if experiment.scenario not in _warm:
-        warm_up(scenario, 1, quiet=True)
-        _warm.add(experiment.scenario)
+    warm_up(scenario, 1, quiet=True)
     return SimulatedFleet(*assemble(replace(scenario, mission=orders), run.seed, mission=True, threads=1))
 
 

@@ -651,9 +651,7 @@ class Fleet(Mapping[str, RobotView]):
         Raises ReadError, CheckError, and FleetError for an expression with side effects, random numbers or a function
         that makes a body do something.
         """
-        query = self.queries[text]
-        self.state.assign(TIME_SLOT, query.rows, float(now))  # idle robots have not looked at their clocks
-        values, reason = query.values()
+        values, reason = self.queries[text].values(float(now))
         if reason:
             raise FleetError(f"{text} cannot be previewed: {reason}")
         return values

@@ -10,7 +10,7 @@ import numpy as np
 from sleepcast.columns.evaluation import by_the_living
 from sleepcast.columns.machine import Plain, evaluate, is_plain
 from sleepcast.columns.telemetry import Key, KnownSymbols, QuietMemory
-from sleepcast.columns.values import CHUNK, Column, Index, Mask, Rows, distinct
+from sleepcast.columns.values import CHUNK, Column, Columns, Index, Mask, Rows, distinct
 from sleepcast.fleet.inspection import reads_of
 from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.messages import Outbox
@@ -18,6 +18,7 @@ from sleepcast.fleet.state import FleetState, MindNames, Minds
 from sleepcast.language.parts import Part, host_of, walk
 from sleepcast.language.program import Program
 from sleepcast.language.reader import read
+from sleepcast.language.vocabulary import TIME_SLOT
 
 MAX_QUERIES = 256
 """Expressions that are stored: more than a sweep may measure."""
@@ -53,10 +54,12 @@ class FleetQuery:
         self.reads = self._read()
         """The slots of the variables that it may read; None for any."""
 
-    def values(self) -> tuple[Column, str]:
-        """What it comes to, NaN for unknown, without side effects; and why that cannot be said for an expression that
-        would have some, for random numbers, and for a function that makes a body do something, "" if it can."""
+    def values(self, now: float) -> tuple[Column, str]:
+        """What it comes to at `now` (s), NaN for unknown, without side effects; and why that cannot be said for an
+        expression that would have some, for random numbers, and for a function that makes a body do something, "" if it
+        can."""
         memory = self._memory
+        memory.state.now = now
         program, some, _ = self._pieces[0]
         if self._plain:  # it can do nothing but compute, and nobody asks for its steps and faults
             with np.errstate(all="ignore"):
@@ -89,12 +92,28 @@ class FleetQuery:
         return frozenset(slots)
 
 
+class PresentColumns(Columns):
+    """The values of all robots at `now` (s): idle robots have not looked at their clocks, and asking them must not make
+    them do so."""
+
+    def __init__(self, state: FleetState) -> None:
+        self._state, self.count, self.now = state, state.count, 0.0
+
+    def members(self, key: str) -> Mask | None:
+        return self._state.members(key)
+
+    def read(self, slot: int, rows: Rows) -> Column | float:
+        return self.now if slot == TIME_SLOT else self._state.read(slot, rows)
+
+
 class AskedMemory(QuietMemory):
     """What robots hold now, as the language's functions read it. bodies: those whose sensors may be asked; a robot
     without one that would ask it is undecided."""
 
+    state: PresentColumns
+
     def __init__(self, state: FleetState, minds: Minds, bodies: Sequence[object | None]) -> None:
-        super().__init__(state)
+        super().__init__(PresentColumns(state))
         self._robots, self._minds = state, minds
         self._bodies = FleetMemory(state, minds, Outbox(state, ()), bodies) if bodies else None
 

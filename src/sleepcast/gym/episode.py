@@ -42,12 +42,12 @@ class EpisodeStep(NamedTuple):
 
 
 class Episode:
-    """One run of a task. seed, number: the same pair gives the same run."""
+    """One run of a task. seed, number, world: the same ones give the same run."""
 
-    def __init__(self, checked: CheckedTask, seed: int, number: int) -> None:
+    def __init__(self, checked: CheckedTask, seed: int, number: int, world: int = 0) -> None:
         self._checked, self._task = checked, checked.task
         purpose = ("episode", seed, number) if number else ("episode", seed)  # the first one is as it was in 0.2.0
-        self.fleet = checked.task.start(key(*purpose) >> 1)
+        self.fleet = checked.task.start(key(*purpose, *(("world", world) if world else ())) >> 1)
         self._swarm = self.fleet.swarm
         self._rows = {each.name.casefold(): row for row, each in enumerate(self._swarm.simulator.model.sensors)}
         names = LearnedNames(self._swarm.vocabulary)
@@ -68,19 +68,27 @@ class Episode:
         actions: shape (robots, actuators), or for expressions their numbers, shape (robots,).
         """
         before = self._done.copy()
-        self._act(actions, np.flatnonzero(~before))
+        self.act(actions, np.flatnonzero(~before))
         for _ in range(self._task.ticks):
             self._halt_done()
             self._swarm.step()
-            if ended := self._has_ended():
+            if ended := self.has_ended():
                 break
-        self._steps += 1
         self._swarm.sense()
-        reward = np.where(before, 0.0, np.nan_to_num(self._values(self._task.reward)))
+        reward = np.where(before, 0.0, self.reward())
         self._halt_done()
-        return EpisodeStep(self.observe(), reward, self._done.copy(), ended, self._steps >= self._checked.steps)
+        return EpisodeStep(self.observe(), reward, self._done.copy(), ended, self.is_over())
 
-    def _has_ended(self) -> bool:
+    def is_over(self) -> bool:
+        """Another step is done: whether that was the last one."""
+        self._steps += 1
+        return self._steps >= self._checked.steps
+
+    def reward(self) -> NDArray[np.float64]:
+        """What each robot is paid now."""
+        return np.nan_to_num(self.values(self._task.reward))
+
+    def has_ended(self) -> bool:
         """Whether the episode has reached its goal on this tick; notes who is done by now."""
         if self._task.done:
             self._done |= is_true(self._swarm.values_of(self._task.done))
@@ -98,13 +106,15 @@ class Episode:
         observed = np.empty((len(self._done), len(self._task.observations)), np.float32)
         for column, text in enumerate(self._task.observations):
             row = self._rows.get(text.casefold())
-            observed[:, column] = self._values(text) if row is None else sensed[row]
+            observed[:, column] = self.values(text) if row is None else sensed[row]
         return np.clip(np.nan_to_num(observed, copy=False), box.low, box.high, out=observed)
 
-    def _values(self, text: str) -> NDArray[np.float64]:
+    def values(self, text: str) -> NDArray[np.float64]:
+        """What an expression comes to on each robot now."""
         return self._swarm.fleet.values_of(text, self._swarm.now())
 
-    def _act(self, actions: NDArray[np.generic], robots: NDArray[np.intp]) -> None:
+    def act(self, actions: NDArray[np.generic], robots: NDArray[np.intp]) -> None:
+        """Let these robots do what is wanted of all of them; see `step`."""
         box = self._checked.acted
         if isinstance(box, Box):
             wanted = np.clip(np.asarray(actions, np.float64), box.low, box.high)
@@ -122,7 +132,7 @@ class EpisodeKey(NamedTuple):
     """Which episode.
 
     seed: what `reset` was given.
-    episode: how many episodes of that seed came before, from 0.
+    episode: how many episodes of that seed came before in its world, from 0.
     """
 
     seed: int
@@ -132,12 +142,13 @@ class EpisodeKey(NamedTuple):
 class Episodes:
     """One episode of a task after the other.
 
+    world: of how many that run at once; each has episodes of its own.
     key: that of the one that began last; None before the first.
     ended: whether the one that runs has reached its goal or its time.
     """
 
-    def __init__(self, task: CheckedTask) -> None:
-        self.task = task
+    def __init__(self, task: CheckedTask, world: int = 0) -> None:
+        self.task, self.world = task, world
         self.key: EpisodeKey | None = None
         self.ended = False
         self._current: Episode | None = None
@@ -148,7 +159,7 @@ class Episodes:
         environment would otherwise repeat each other. Raises MisuseError."""
         self.key = _following(self.key, seed, _episode_in(options))
         self.close()
-        self._current = Episode(self.task, *self.key)
+        self._current = Episode(self.task, *self.key, self.world)
         return self._current
 
     def running(self) -> Episode:
@@ -171,7 +182,7 @@ class Episodes:
 
     def __getstate__(self) -> dict[str, Any]:
         """A copy, in this process or another, begins anew."""
-        return {"task": self.task, "key": None, "ended": False, "_current": None}
+        return {"task": self.task, "world": self.world, "key": None, "ended": False, "_current": None}
 
 
 def _following(key: EpisodeKey | None, seed: int | None, episode: int | None) -> EpisodeKey:

@@ -43,7 +43,7 @@ class Task:
     mission: bool = False
     threads: int | None = 1
 
-    def start(self, seed: int | None) -> SimulatedFleet:
+    def start(self, seed: int) -> SimulatedFleet:
         """A fleet at the start of an episode."""
         return open(
             self.scenario,
@@ -75,13 +75,16 @@ class CheckedTask:
             raise MisuseError(f"action for {robot}: {action!r:.40}: wanted {self._wanted(shape)}")
         return array
 
-    def all_actions(self, actions: object) -> NDArray[np.float64]:
-        """The same for all robots at once: an array of a row for each. Raises MisuseError."""
-        shape = len(self.names), *(self.acted.shape or ())
+    def all_actions(self, actions: object, worlds: int = 1) -> NDArray[np.float64]:
+        """The same for all robots of all worlds at once: an array of a row for each, world by world. Raises
+        MisuseError."""
+        robots = len(self.names)
+        shape = worlds * robots, *(self.acted.shape or ())
         array = _array(actions, shape, "actions", f"one of shape {shape}: {self._wanted(shape[1:])} for each robot")
         if not self._fits(array):
             row = next(row for row, each in enumerate(array) if not self._fits(each))
-            self.action(self.names[row], array[row])
+            where = f" of world {row // robots}" if worlds > 1 else ""
+            self.action(f"{self.names[row % robots]}{where}", array[row])
         return array
 
     def _fits(self, actions: NDArray[np.float64]) -> bool:

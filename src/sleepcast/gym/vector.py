@@ -1,4 +1,4 @@
-"""Gymnasium: every robot of a fleet as one environment of a vector, for a policy that all of them follow."""
+"""Gymnasium: every robot as one environment of a vector, in one world or many, for a policy that all of them follow."""
 
 from __future__ import annotations
 
@@ -11,77 +11,134 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from sleepcast.api.worlds import MAX_WORLDS
 from sleepcast.core.errors import MisuseError
-from sleepcast.core.given_numbers import read_seed
-from sleepcast.gym.episode import EpisodeKey, Episodes, Flags, Singles
+from sleepcast.core.given_numbers import read_seed, whole_number
+from sleepcast.gym.episode import EpisodeKey, Flags, Singles
 from sleepcast.gym.task import CheckedTask, Task, checked
+from sleepcast.gym.together import Together
+from sleepcast.loop.swarm import MAX_MINDS
+
+AUTORESETS = tuple(mode.value for mode in AutoresetMode)
 
 
 class RobotVector(VectorEnv[Singles, NDArray[np.generic], NDArray[np.generic]]):
     """See `vector_env`.
 
-    fleet: the run itself, to look at or to send commands to.
-    episode_key: seed and number of the episode that began last; None before the first.
+    fleet: the run of the first world, to look at or to send commands to.
+    fleets: the runs of all worlds.
+    episode_key: seed and number of the episode that began last in the first world; None before that.
+    episode_keys: the same of each world.
     """
 
-    metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}  # noqa: RUF012  # as the base class has it
+    metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}  # noqa: RUF012  # as the base class has it
 
-    def __init__(self, task: CheckedTask) -> None:
-        self._task, self._episodes = task, Episodes(task)
-        self.num_envs = len(task.names)
+    def __init__(self, task: CheckedTask, worlds: int = 1, autoreset: AutoresetMode = AutoresetMode.NEXT_STEP) -> None:
+        self._task, self._together = task, Together(task, worlds)
+        self.metadata = self.metadata | {"autoreset_mode": autoreset}
+        self._autoreset, self._robots = autoreset, len(task.names)
+        self.num_envs = worlds * self._robots
         self.single_observation_space, self.single_action_space = task.observed, task.acted
         self.observation_space = batch_space(task.observed, self.num_envs)
         self.action_space = batch_space(task.acted, self.num_envs)
 
     @property
     def fleet(self) -> Any:
-        return self._episodes.running().fleet
+        return self._together.worlds[0].running().fleet
+
+    @property
+    def fleets(self) -> list[Any]:
+        return [each.running().fleet for each in self._together.worlds]
 
     @property
     def episode_key(self) -> EpisodeKey | None:
-        return self._episodes.key
+        return self.episode_keys[0]
+
+    @property
+    def episode_keys(self) -> list[EpisodeKey | None]:
+        return self._together.keys
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Singles, dict[str, Any]]:
-        """Begin the first episode of a seed, the next one of the same seed (None), or number n of it
-        (options={"episode": n}). Equal seeds and numbers give equal episodes, bit for bit. Raises MisuseError, also for
-        a "reset_mask" that leaves out robots: all of them live in one world, which begins anew as a whole."""
-        self._check_mask((options or {}).get("reset_mask"))
+        """Begin in each world the first episode of a seed, the next one of the same seed (None), or number n of it
+        (options={"episode": n}). Equal seeds, numbers and worlds give equal episodes, bit for bit.
+
+        With Gymnasium's options={"reset_mask": ...} only in some worlds. Raises MisuseError, also for a mask that
+        leaves out some robots of a world: it begins anew as a whole.
+        """
+        which = self._masked((options or {}).get("reset_mask"))
         super().reset(seed=None if seed is None else read_seed(seed))
-        observed = self._episodes.begin(seed, options).observe()
+        begun = self._together.begin(which, seed, options)
         self.closed = False
-        return observed, {}
+        if len(which) == len(self._together.worlds):
+            return self._flat(begun), {}
+        return self._flat(self._together.observe(self._everywhere)), {}
 
     def step(self, actions: NDArray[np.generic]) -> tuple[Singles, NDArray[np.float64], Flags, Flags, dict[str, Any]]:
-        """Let all robots act and time pass. An episode ends for all of them together; the step after it begins the next
-        one, whatever the actions. Raises MisuseError for actions that do not fit.
+        """Let all robots act and time pass. An episode ends for all robots of its world together; the next one begins
+        there as the mode of autoreset says. Raises MisuseError for actions that do not fit, and for a world that waits
+        for `reset`.
 
-        actions: shape (robots, actuators), or for expressions their numbers, shape (robots,).
+        actions: shape (worlds x robots, actuators), or for expressions their numbers, shape (worlds x robots,).
         """
-        if self._episodes.ended:
-            observed, info = self.reset()
-            return observed, np.zeros(self.num_envs), self._all(False), self._all(False), info
-        step = self._episodes.step(self._task.all_actions(actions))
-        return step.observed, step.reward, self._all(step.ended), self._all(step.over), {}
+        together, worlds = self._together, len(self._together.worlds)
+        wanted = self._task.all_actions(actions, worlds).reshape(worlds, self._robots, *(self._task.acted.shape or ()))
+        waiting = together.ended
+        if waiting.any() and self._autoreset is AutoresetMode.DISABLED:
+            raise MisuseError(f"{np.count_nonzero(waiting)} episodes are over: call reset, with a reset_mask for some")
+        observed = np.empty((worlds, self._robots, *(self._task.observed.shape)), np.float32)
+        reward = np.zeros((worlds, self._robots))
+        ended, over = np.zeros((2, worlds), np.bool_)
+        going, info = np.flatnonzero(~waiting).tolist(), dict[str, Any]()
+        if going:
+            observed[going], reward[going], ended[going], over[going] = together.step(going, wanted[going])
+        if waiting.any():
+            begun = np.flatnonzero(waiting).tolist()
+            observed[begun] = together.begin(begun, None, None)
+        done = ended | over
+        if done.any() and self._autoreset is AutoresetMode.SAME_STEP:
+            info = self._final(observed, done)
+            begun = np.flatnonzero(done).tolist()
+            observed[begun] = together.begin(begun, None, None)
+        return self._flat(observed), reward.ravel(), self._each(ended), self._each(over), info
 
     def close_extras(self, **kwargs: Any) -> None:
-        self._episodes.close()
+        self._together.close()
 
-    def _check_mask(self, mask: object) -> None:
-        """Raises MisuseError for a mask of Gymnasium's that is not for all robots."""
+    @property
+    def _everywhere(self) -> list[int]:
+        return [*range(len(self._together.worlds))]
+
+    def _flat(self, observed: Singles) -> Singles:
+        """A row for each robot, world by world."""
+        return observed.reshape(self.num_envs, *self._task.observed.shape)
+
+    def _each(self, flags: Flags) -> Flags:
+        """What is so of a world, for each of its robots."""
+        return np.repeat(flags, self._robots)
+
+    def _final(self, observed: Singles, done: Flags) -> dict[str, Any]:
+        """What robots observed at the end of episodes that have ended, as Gymnasium has it."""
+        rows, last = self._each(done), np.full(self.num_envs, None, object)
+        for row in np.flatnonzero(rows).tolist():
+            last[row] = self._flat(observed)[row].copy()
+        return {"final_obs": last, "_final_obs": rows, "final_info": {}, "_final_info": rows.copy()}
+
+    def _masked(self, mask: object) -> list[int]:
+        """The worlds that a mask of Gymnasium's means. Raises MisuseError for one that does not mean whole worlds."""
         if mask is None:
-            return
+            return self._everywhere
         if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (self.num_envs,):
             raise MisuseError(f"reset_mask {mask!r:.40}: wanted an array of {self.num_envs} bools, one for each robot")
-        if not mask.all():
+        of_each = mask.reshape(-1, self._robots)
+        some = of_each.any(axis=1)
+        if not of_each[some].all() or not some.any():
             raise MisuseError(
-                f"reset_mask: {np.count_nonzero(~mask):,} of {self.num_envs:,} robots are left out, and all of them "
-                "live in one world, which begins anew as a whole: leave the mask out, or use an environment for each"
+                f"reset_mask: {np.count_nonzero(~mask):,} of {mask.size:,} robots are left out, and all robots of a "
+                "world begin anew together: take in whole worlds, or leave the mask out"
             )
-
-    def _all(self, flag: bool) -> Flags:
-        return np.full(self.num_envs, flag)
+        return np.flatnonzero(some).tolist()
 
 
 def vector_env(
@@ -97,13 +154,28 @@ def vector_env(
     over: Mapping[str, object] | None = None,
     mission: bool = False,
     threads: int | None = 1,
+    worlds: int = 1,
+    autoreset: AutoresetMode | str = AutoresetMode.NEXT_STEP,
 ) -> RobotVector:
-    """A scenario as a `gymnasium.vector.VectorEnv`: every robot is one of its environments, and all live in one world.
+    """A scenario as a `gymnasium.vector.VectorEnv`: every robot of every world is one of its environments.
 
-    See `parallel_env` for the arguments. Nobody leaves an episode early: it ends for all robots together, by `until`
-    or after `seconds`.
+    See `parallel_env` for the other arguments. Nobody leaves an episode early: it ends for all robots of its world
+    together, by `until` or after `seconds`.
+
+    worlds: how many there are, which have nothing in common: robot r of world w is row w * robots + r, and episode k
+        there is the one of (seed, w, k); that of the first world is the same however many there are.
+    autoreset: when the next episode begins in a world where one has ended: in the next step, whatever the actions
+        ("NextStep"); in the same one, with what was observed last in `info["final_obs"]` ("SameStep"); or by `reset`
+        alone, with a "reset_mask" for some worlds ("Disabled").
     """
+    if not isinstance(autoreset, AutoresetMode):
+        if autoreset not in AUTORESETS:
+            raise MisuseError(f"autoreset {autoreset!r:.40}: wanted one of {', '.join(AUTORESETS)}")
+        autoreset = AutoresetMode(autoreset)
     task = Task(
         scenario, observations, actions, reward, None, until, seconds, ticks, robots, over or {}, mission, threads
     )
-    return RobotVector(checked(task))
+    count, fit = whole_number(worlds, "worlds", 1, MAX_WORLDS), checked(task)
+    if count * len(fit.names) > MAX_MINDS:
+        raise MisuseError(f"{count:,} worlds of {len(fit.names):,} robots: at most {MAX_MINDS:,} robots fit")
+    return RobotVector(fit, count, autoreset)

@@ -21,11 +21,18 @@ class ChildError(Exception):
     """A child gave no result. The text says why, in a few words."""
 
 
-def child(module: str, *arguments: str, limit: float, environment: Mapping[str, str] | None = None) -> Json:
-    """What the module says of itself, after at most `limit` s. environment: variables to add. Raises ChildError."""
+def child(
+    module: str,
+    *arguments: str,
+    limit: float,
+    environment: Mapping[str, str] | None = None,
+    python: str = sys.executable,
+) -> Json:
+    """What the module says of itself, after at most `limit` s. environment: variables to add. python: which one runs
+    it. Raises ChildError."""
     try:
         done = subprocess.run(
-            [sys.executable, "-m", module, *arguments],
+            [python, "-m", module, *arguments],
             cwd=ROOT,
             env={**os.environ, **(environment or {})},
             capture_output=True,

@@ -53,14 +53,16 @@ def side(robots: int) -> float:
     return float(np.sqrt(50.0 * robots))
 
 
-def rate(robots: int, steps: int, step: Callable[[int], object]) -> float:
+def rate(
+    robots: int, steps: int, step: Callable[[int], object], clock: Callable[[], float] = time.perf_counter
+) -> float:
     """Robots' steps a second: the median of some rounds, after one that does not count."""
     found = []
     for _ in range(ROUNDS + 1):
-        began = time.perf_counter()
+        began = clock()
         for turn in range(steps):
             step(turn)
-        found.append(robots * steps / (time.perf_counter() - began))
+        found.append(robots * steps / (clock() - began))
     return middle(found[1:])
 
 
@@ -83,6 +85,15 @@ def with_sleepcast(robots: int, steps: int) -> dict[str, float]:
 
 
 def with_vmas(robots: int, steps: int) -> dict[str, float]:
+    worlds = robots // TOGETHER
+    return {
+        "VMAS, one world": in_vmas(1, robots, steps),
+        f"VMAS, {worlds} worlds of {TOGETHER}": in_vmas(worlds, TOGETHER, steps),
+    }
+
+
+def in_vmas(worlds: int, each: int, steps: int, clock: Callable[[], float] = time.perf_counter) -> float:
+    """Robots' steps a second in so many worlds with so many robots each."""
     import torch
     from vmas import make_env
     from vmas.simulator.core import Agent, Sphere, World
@@ -111,15 +122,9 @@ def with_vmas(robots: int, steps: int) -> dict[str, float]:
         def reward(self, agent: Agent) -> torch.Tensor:
             return -agent.state.pos.norm(dim=-1)
 
-    def one(worlds: int, each: int) -> float:
-        env = make_env(Field(), num_envs=worlds, device="cpu", continuous_actions=True, seed=1, robots=each)
-        actions = torch.rand((steps, each, worlds, 2)) * 2.0 - 1.0
-        return rate(worlds * each, steps, lambda i: env.step(list(actions[i])))
-
-    return {
-        "VMAS, one world": one(1, robots),
-        f"VMAS, {robots // TOGETHER} worlds of {TOGETHER}": one(robots // TOGETHER, TOGETHER),
-    }
+    env = make_env(Field(), num_envs=worlds, device="cpu", continuous_actions=True, seed=1, robots=each)
+    actions = torch.rand((steps, each, worlds, 2)) * 2.0 - 1.0
+    return rate(worlds * each, steps, lambda i: env.step(list(actions[i])), clock)
 
 
 def main() -> int:

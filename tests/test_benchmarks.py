@@ -194,6 +194,98 @@ def test_the_sweep_benchmark_times_argos_where_it_is_installed(tmp_path: Path) -
     assert (tmp_path / "asked").read_text().splitlines() == ["-c x/100.argos"] * 3
 
 
+PROMISED = """
+from benchmarks.worlds.rows import ROWS
+
+for row in ROWS:
+    most = "" if row.at_least else "at most "
+    dream = "" if row.dream is None else f"{most}{row.dream:g} {row.unit}"
+    print(f"| `{row.name}` | {row.words} | {most}{row.wanted:g} {row.unit} | {dream} |")
+"""
+
+
+def test_the_benchmark_of_worlds_has_the_rows_that_its_page_promises() -> None:
+    done = subprocess.run([sys.executable, "-c", PROMISED], cwd=ROOT, capture_output=True, text=True, check=True)
+    page = (ROOT / "benchmarks" / "README.md").read_text()
+    promised = page.partition("| row | what is measured | wanted | dream |\n|---|---|---:|---:|\n")[2]
+    assert promised.partition("\n\n")[0] + "\n" == done.stdout
+
+
+RIVALS = """
+import json
+import time
+from pathlib import Path
+
+from benchmarks.report import Json
+from benchmarks.worlds.__main__ import cells, verdict
+from benchmarks.worlds.rows import ROWS, Bench, Finding, Side
+from benchmarks.worlds.sides import Argos, Libraries, MissingError, Version
+
+rows = {row.name: row for row in ROWS}
+now = Version("now", Path.cwd())
+bench = Bench(now, "no history here", Argos(Path(FOLDER)), Libraries(["false"]), 2, quick=False)
+told = {name: verdict(rows[name], rows[name].measured(bench), quick=False) for name in ("sweep-20", "loop-1000")}
+told["ARGoS"] = sorted(len(each) for each in (bench.argos.many(20, 3, 2)[1], [bench.argos.process(20, 10)]))
+told["vmas"] = rows["vector"].measured(bench).note
+sides = [Side("now", [2.0, 1.0, 4.0], "s")]
+fast, slow = (Finding(value, sides) for value in (0.4, 0.5))
+told["met"] = [verdict(rows["process-20"], each, quick=quick) for each in (fast, slow) for quick in (False, True)]
+told["cells"] = cells(rows["process-20"], slow, quick=False)
+print(json.dumps(told))
+"""
+
+
+def test_the_benchmark_of_worlds_never_calls_a_row_met_whose_rival_is_missing(tmp_path: Path) -> None:
+    program = tmp_path / "argos3"
+    program.write_text(f'#!/bin/sh\ncat "$2" >> {tmp_path}/asked\n')
+    program.chmod(0o755)
+    (tmp_path / "20.argos").write_text('<experiment length="60" ticks_per_second="10" />\n')
+    environment = {**os.environ, "PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"}
+    asked = RIVALS.replace("FOLDER", repr(str(tmp_path)))
+    done = subprocess.run(
+        [sys.executable, "-c", asked], cwd=ROOT, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told == {
+        "sweep-20": "not measured",
+        "loop-1000": "not measured",
+        "ARGoS": [1, 3],
+        "vmas": "vmas is not installed: --rivals-python names a Python that has it",
+        "met": ["met", "quick", "MISSED", "quick"],
+        "cells": [
+            *("process-20: whole process, one run of 20 robots, warm", "0.5 s", "0.45 s", "0.3 s", "MISSED"),
+            "now: 2 s (1 to 4)",
+        ],
+    }
+    lengths = [line.split('"')[1] for line in (tmp_path / "asked").read_text().splitlines()]
+    assert lengths == ["60", "60", "60", "600"]
+
+
+@pytest.mark.nightly
+def test_the_benchmark_of_worlds_measures_beside_the_release_before() -> None:
+    rows = ("sweep-20", "process-20", "loop-1000")
+    command = [sys.executable, "-m", "benchmarks.worlds", "--quick", "--cpu", "--json", *rows]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)["rows"]
+    assert [row["name"] for row in found] == [*rows]
+    for row in found:
+        assert row["verdict"] == "quick"
+        assert {side["name"] for side in row["sides"]} == {"now", "0.2.0"}
+        assert row["value"] > 0.0
+        assert all(value > 0.0 for side in row["sides"] for value in side["values"])
+
+
+@pytest.mark.nightly
+def test_runs_of_a_sweep_equal_themselves() -> None:
+    command = [sys.executable, "-m", "benchmarks.worlds", "--equal", "--quick", "--json", "crowd", "recruit"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)["scenarios"]
+    assert [(each["name"], each["rows"]) for each in found] == [("crowd", []), ("recruit", [])]
+
+
 @pytest.mark.nightly
 def test_the_gym_benchmark_counts_steps() -> None:
     command = [sys.executable, "-m", "benchmarks.gym", "--robots", "20", "--quick", "--json"]

@@ -1,0 +1,1 @@
+"""Many small swarms at once, and one small swarm: beside the release before, ARGoS, VMAS and Mesa."""

@@ -10,27 +10,32 @@ import pytest
 pytest.importorskip("numba")
 
 BOTH = """
-import sys
 from dataclasses import replace
 
-from sleepcast.simulator import Simulator, find_scenario, kernel_warm_up
+import numba
 
-def known():
-    modules = [each for name, each in sys.modules.items() if name.startswith("sleepcast.sim") and ".kernels" in name]
-    functions = {each for module in modules for each in vars(module).values() if hasattr(each, "signatures")}
-    kernels = [each for each in functions if not each.targetoptions.get("no_cpython_wrapper")]
-    return {(each.__name__, str(signature)) for each in kernels for signature in each.signatures}
+from sleepcast.simulator import Simulator, find_scenario, kernel_warm_up
+from sleepcast.simulator.simd.cached import CachedKernel
+
+called = set()
+itself = CachedKernel.__call__
+
+def call(kernel, *arguments):
+    called.add((kernel.__name__, tuple(map(numba.typeof, arguments))))
+    return itself(kernel, *arguments)
+
+CachedKernel.__call__ = call
 
 scenario = find_scenario("crowd")
 few = replace(scenario, robots=replace(scenario.robots, count=12), shapes=(), absent=(), events=())
 kernel_warm_up.compile_sonar_kernels(few)
-seen = known()
+seen = set(called)
 kernel_warm_up.compile_motion_kernels(few)
-both = known()
+both = set(called)
 simulator = Simulator(few)
 simulator.step()
 simulator.readings()
-print(len(seen), len(both - seen), len(known() - both))
+print(len(seen), len(both - seen), len(called - both))
 """
 
 

@@ -50,7 +50,7 @@ def prepare(as_json: bool, quiet: bool) -> int:
         for name in names:
             tell(name)
             _compile_for(name)
-    from sleepcast.simulator.simd.compiled import CACHE, compiled_in
+    from sleepcast.simulator.simd.cached import CACHE, compiled_in
 
     folder, seconds = compiled_in(), perf_counter() - began
     if folder is None:

@@ -59,13 +59,13 @@ class CodeCache:
                     return folder
         return None
 
-    def count(self, prefix: str) -> int:
-        """How many pieces there are whose names begin so."""
-        count = 0
+    def names(self, prefix: str) -> list[str]:
+        """The names of the pieces that begin so."""
+        found: set[str] = set()
         for folder in self.folders:
             with suppress(OSError), _opened(folder) as directory:
-                count += sum(name.startswith(prefix) for name in os.listdir(directory))
-        return count
+                found.update(name for name in os.listdir(directory) if name.startswith(prefix))
+        return sorted(found)
 
     def save(self, name: str, data: bytes) -> bool:
         """Keep a piece under this name; gives whether that could be done."""

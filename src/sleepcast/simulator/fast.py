@@ -17,14 +17,13 @@ from numpy.typing import NDArray
 
 from sleepcast.core.arrays import LINE, Arena
 from sleepcast.core.threads import FEW, SIZES, ThreadPool, borders
-from sleepcast.simulator.motion import kernels_motion, steps
+from sleepcast.simulator.motion import steps
 from sleepcast.simulator.motion.driving import Laws
 from sleepcast.simulator.motion.steps import SKIN, BodyColumns, Displacement, Draws, Settled, boxes_of, clear
-from sleepcast.simulator.simd.kernels_wait import wait
-from sleepcast.simulator.simd.vectors import LANES
-from sleepcast.simulator.sonar import kernels, kernels_firing, kernels_sonar
+from sleepcast.simulator.simd.cached import CachedKernels
+from sleepcast.simulator.simd.formulas import LANES
 from sleepcast.simulator.sonar.cones import Cones, Ranges, VisibleScene
-from sleepcast.simulator.sonar.fields import Fields, Shots, beam_of, one_of_each, shots_of
+from sleepcast.simulator.sonar.fields import SPAN, Fields, Shots, beam_of, one_of_each, shots_of
 from sleepcast.simulator.sonar.firing import Firing, Tick
 from sleepcast.simulator.sonar.noise import Noise, SonarReceiver
 from sleepcast.simulator.world.grid import CellLists, Floats, Grid, Short, Sorted, Whole
@@ -32,6 +31,10 @@ from sleepcast.simulator.world.walls import Walls, walls_of
 
 Result = TypeVar("Result")
 Flags: TypeAlias = NDArray[np.bool_]
+
+kernels, kernels_motion = CachedKernels("sonar.kernels"), CachedKernels("motion.kernels_motion")
+kernels_firing, kernels_sonar = CachedKernels("sonar.kernels_firing"), CachedKernels("sonar.kernels_sonar")
+wait = CachedKernels("simd.kernels_wait").wait
 
 ALONE = 5_000
 """Number of robots up to which one thread is faster than several."""
@@ -166,7 +169,7 @@ class NumbaMachine:
         arena.begin(SCRATCH * robots)
         fixed_x, fixed_y = fixed = arena.take(np.int32, 2, robots + LANES)
         fixed[:, robots:] = 0
-        units = ldexp(1.0, kernels_sonar.SPAN - frexp(grid.size)[1])
+        units = ldexp(1.0, SPAN - frexp(grid.size)[1])
         self._share(
             robots, lambda first, last: kernels.fix(order, *pose[:2], units, first, last, fixed_x, fixed_y), LIGHT
         )

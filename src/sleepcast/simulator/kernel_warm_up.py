@@ -34,7 +34,7 @@ def kernel_count() -> int:
     """How many of them have been compiled so far, also by other processes; 0 without numba."""
     if not has_numba():
         return 0
-    from sleepcast.simulator.simd.compiled import compiled_count
+    from sleepcast.simulator.simd.cached import compiled_count
 
     return compiled_count()
 
@@ -44,7 +44,7 @@ def compile_kernels(scenario: Scenario) -> None:
     robots."""
     if not any(spec.ring for spec in scenario.each_type) or not has_numba():
         return
-    from sleepcast.simulator.simd.compiled import compiled_in
+    from sleepcast.simulator.simd.cached import compiled_in
 
     if compiled_in():
         return

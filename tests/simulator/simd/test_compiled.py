@@ -79,7 +79,8 @@ def test_a_kernel_is_loaded_without_what_compiling_takes_and_another_one_compile
 
 
 OTHERS = """
-from sleepcast.simulator.simd.compiled import compiled, compiled_in
+from sleepcast.simulator.simd.cached import compiled_in
+from sleepcast.simulator.simd.compiled import compiled
 
 def adding(what):
     def add(number):
@@ -114,7 +115,7 @@ def test_kernels_that_cannot_be_kept_or_loaded_are_compiled(tmp_path: Path, hind
 
 def test_a_kernels_name_tells_of_all_modules_that_it_takes_something_from() -> None:
     """But for types, of which compiled code has nothing."""
-    from sleepcast.simulator.simd.compiled import ROOM, SOURCES
+    from sleepcast.simulator.simd.cached import ROOM, SOURCES
 
     assert not [pattern for pattern in SOURCES if not any(ROOM.glob(pattern))], "named, but not there"
     counted = {file.resolve() for pattern in SOURCES for file in ROOM.glob(pattern)}

@@ -33,10 +33,10 @@ from sleepcast.simulator.motion.driving import (
 )
 from sleepcast.simulator.motion.steps import UNIT, UNIT_SPREAD
 from sleepcast.simulator.simd.compiled import compiled, inlined, part, strict, usable, woven
+from sleepcast.simulator.simd.formulas import LANES, either, shortest, sine_cosine, sine_of_rest, wrap
 from sleepcast.simulator.simd.formulas import TURN as FULL
-from sleepcast.simulator.simd.formulas import either, shortest, sine_cosine, sine_of_rest, wrap
 from sleepcast.simulator.simd.lanes import at, put, put_some, some
-from sleepcast.simulator.simd.vectors import LANES, any_of
+from sleepcast.simulator.simd.vectors import any_of
 from sleepcast.simulator.sonar.kernels import GOLDEN, U, deviate, mixed
 
 BLOCK = 256

@@ -12,60 +12,40 @@ instructions) at every call.
 from __future__ import annotations
 
 import pickle
-import sys
 from collections.abc import Callable
-from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-import llvmlite
+import msgspec
 import numba
 from numba.core import serialize, types
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
-from numba.core.registry import cpu_target
 from numba.core.runtime.nrt import rtsys
 from numba.extending import overload, register_jitable
 
-from sleepcast.core.code_cache import CodeCache
 from sleepcast.simulator.simd import formulas
+from sleepcast.simulator.simd.cached import CACHE, ENTRIES, ROOM, piece_name, readable
+from sleepcast.simulator.simd.entry import NoEntryError, entry_of
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 FASTMATH = {"nnan", "ninf", "nsz"}
 PART: dict[str, Any] = {"no_cpython_wrapper": True, "_nrt": False}
 """For functions that only kernels call: no Python wrapper, no reference counting."""
-ROOM = Path(__file__).resolve().parent.parent
-SOURCES = (
-    *("*/kernels*.py", "simd/*.py"),
-    *("motion/driving.py", "motion/steps.py", "world/walls.py"),
-    *("sonar/noise.py", "sonar/crosstalk.py", "sonar/fields.py"),
-    "../core/counter_rng.py",
-)
-"""Kernels, and the modules with their constants, formulas and named tuples."""
-CACHE = CodeCache("kernels")
-
-
-@cache
-def _identity() -> str:
-    """What all kernels depend on: their sources, the compiler, and the processor."""
-    sources = sorted(source for names in SOURCES for source in ROOM.glob(names))
-    compilers = f"{sys.implementation.cache_tag} {numba.__version__} {llvmlite.__version__}"
-    states = [compilers.encode(), repr(cpu_target.target_context.codegen().magic_tuple()).encode()]
-    return sha256(b"\0".join([*states, *(source.read_bytes() for source in sources)])).hexdigest()[:16]
 
 
 class KernelCache(NullCache):
-    """numba's cache of one function, by the types of its arguments."""
+    """numba's cache of one function, by the types of its arguments. called: also from Python, not by kernels alone."""
 
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self._function = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}"
+    def __init__(self, function: Callable[..., Any], *, called: bool) -> None:
+        self._function, self._entered = function, called and readable()
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The machine code for these types, None if there is none."""
+        """The machine code for these types, None if there is none, or if its entry is lost."""
         code = CACHE.load(self._name(sig))
-        if code is None:
+        if code is None or (self._entered and ENTRIES.load(self._name(sig)) is None):
             return None
         rtsys.initialize(target_context)  # no more than this: full set-up for compiling takes four times as long
         code_types, payload = pickle.loads(code)
@@ -75,21 +55,23 @@ class KernelCache(NullCache):
     def save_overload(self, sig: Any, data: Any) -> None:
         """Store the machine code for these types, unless it contains addresses of this process."""
         pickled: Any = serialize.dumps
-        if not data.library.has_dynamic_globals:
-            CACHE.save(self._name(sig), pickled((sig, data._reduce())))
+        if data.library.has_dynamic_globals:
+            return
+        if self._entered:
+            ENTRIES.save(self._name(sig), _entry_of(data))
+        CACHE.save(self._name(sig), pickled((sig, data._reduce())))
 
     def _name(self, sig: Any) -> str:
-        return f"{_identity()}-{self._function}-{sha256(repr(sig).encode()).hexdigest()[:16]}"
+        beginning = piece_name(self._function.__module__, self._function.__qualname__)
+        return beginning + sha256(repr(sig).encode()).hexdigest()[:16]
 
 
-def compiled_in() -> Path | None:
-    """The folder with kernels of these sources for this processor; None if none has been compiled yet."""
-    return CACHE.holding(f"{_identity()}-")
-
-
-def compiled_count() -> int:
-    """How many kernels of these sources have been compiled for this processor, by any process."""
-    return CACHE.count(f"{_identity()}-")
+def _entry_of(made: Any) -> bytes:
+    """The entry of a kernel as it is kept: nothing where numba's own has to be called."""
+    try:
+        return msgspec.msgpack.encode(entry_of(made))
+    except NoEntryError:
+        return b""
 
 
 def compiled(function: Kernel) -> Kernel:
@@ -121,7 +103,10 @@ def _made(function: Kernel, **options: Any) -> Kernel:
     options |= {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
     made = numba.njit(**options)(function)
     if Path(function.__code__.co_filename).resolve().is_relative_to(ROOM) and "<locals>" not in function.__qualname__:
-        made._cache = KernelCache(function)  # the index of numba's own cache would not include all dependencies
+        called = not options.get("no_cpython_wrapper")
+        made._cache = KernelCache(
+            function, called=called
+        )  # the index of numba's own would not include all dependencies
     return cast(Kernel, made)
 
 

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 Floats: TypeAlias = NDArray[np.float64]
 
+LANES = 16
+"""Numbers that kernels process at once, see `vectors`."""
 TURN = 2.0 * np.pi
 _QUARTER, _REST = 1.57079632673412561417, 6.07710050650619224932e-11
 """A quarter turn: 33 bits, so that small multiples are exact, and the remainder."""

@@ -12,7 +12,8 @@ from llvmlite import binding, ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from sleepcast.simulator.simd.vectors import LANES, LONG, REALS, Lanes, called, filled, vector_of
+from sleepcast.simulator.simd.formulas import LANES
+from sleepcast.simulator.simd.vectors import LONG, REALS, Lanes, called, filled, vector_of
 
 COMPRESS = "llvm.experimental.vector.compress"
 KNOWN_BY = (19, 22)

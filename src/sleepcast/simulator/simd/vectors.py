@@ -21,8 +21,7 @@ from numba.core import types
 from numba.extending import intrinsic, lower_builtin, models, overload, register_model, type_callable
 
 from sleepcast.simulator.simd import formulas
-
-LANES = 16
+from sleepcast.simulator.simd.formulas import LANES
 
 SINGLE, DOUBLE, SHORT, LONG, TRUTH = types.float32, types.float64, types.int32, types.uint64, types.boolean
 KINDS = {

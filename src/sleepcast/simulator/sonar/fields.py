@@ -10,14 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.arrays import Arena
-from sleepcast.simulator.simd.formulas import sine_cosine
-from sleepcast.simulator.simd.vectors import LANES
+from sleepcast.simulator.simd.cached import CachedKernels
+from sleepcast.simulator.simd.formulas import LANES, sine_cosine
 from sleepcast.simulator.sonar.cones import Cones, Ranges, VisibleScene
 from sleepcast.simulator.sonar.firing import Firing, Tick
-from sleepcast.simulator.sonar.kernels import arrange
-from sleepcast.simulator.sonar.kernels_firing import AWAY
 from sleepcast.simulator.sonar.noise import Noise
 from sleepcast.simulator.world.grid import CellLists, Floats, Short, Whole
+
+kernels = CachedKernels("sonar.kernels")
+AWAY = np.float32(1e9)
+"""Coordinates and range of nothing, m."""
+SPAN = 28
+"""log2 of the number of position units per cell: bodies may be some cells apart, and the unit is finer than the
+single-precision error of their distance."""
 
 
 class SonarField(NamedTuple):
@@ -129,7 +134,7 @@ class Fields:
         short[:, len(order) :] = AWAY
 
         def work(first: int, last: int) -> None:
-            arrange(order, *view.pose, first, last, sorted_poses)
+            kernels.arrange(order, *view.pose, first, last, sorted_poses)
             short[:, first:last] = sorted_poses[:2, first:last]
 
         share(len(order), work)

@@ -8,9 +8,9 @@ import numpy as np
 
 from sleepcast.core import counter_rng
 from sleepcast.simulator.simd.compiled import compiled, inlined, part, strict, woven
-from sleepcast.simulator.simd.formulas import either, sine_cosine
+from sleepcast.simulator.simd.formulas import LANES, either, sine_cosine
 from sleepcast.simulator.simd.lanes import all_passed, at, put, put_by, put_some, put_turned, some
-from sleepcast.simulator.simd.vectors import LANES, counted, doubles, every, least_of, most_of, root_of, shorts, singles
+from sleepcast.simulator.simd.vectors import counted, doubles, every, least_of, most_of, root_of, shorts, singles
 from sleepcast.simulator.sonar.noise import MIDDLE, SCALE
 
 F = np.float32

@@ -13,16 +13,16 @@ from math import sqrt
 import numpy as np
 
 from sleepcast.simulator.simd.compiled import inlined, strict
+from sleepcast.simulator.simd.formulas import LANES
 from sleepcast.simulator.simd.lanes import at, pack
-from sleepcast.simulator.simd.vectors import LANES, how_many, least_of, minus, most_of, places, size_of
+from sleepcast.simulator.simd.vectors import how_many, least_of, minus, most_of, places, size_of
 from sleepcast.simulator.sonar.crosstalk import QUICKEST, SOUND
+from sleepcast.simulator.sonar.fields import AWAY
 from sleepcast.simulator.sonar.kernels import GOLDEN, F, U, disturbed
 
 I = np.int32  # noqa: E741  # as short as F
 MARGIN, SHARE = 1e-4, 1e-6
 """Margin for rounding within which things that miss a cone are selected too: m, and a share of the largest number."""
-AWAY = F(1e9)
-"""Range of nothing, m."""
 
 
 @inlined

@@ -19,10 +19,9 @@ from math import cos, pi, sin, sqrt
 import numpy as np
 
 from sleepcast.simulator.simd.compiled import compiled, inlined, part
-from sleepcast.simulator.simd.formulas import sine_cosine
+from sleepcast.simulator.simd.formulas import LANES, sine_cosine
 from sleepcast.simulator.simd.lanes import all_passed, at, forecast, pack, pair_at, put, put_by, put_pairs
 from sleepcast.simulator.simd.vectors import (
-    LANES,
     any_of,
     either,
     every,
@@ -50,9 +49,6 @@ AWAY = F(1e9)
 """Distance to nothing, m or units."""
 FARTHEST = F(1e17)
 """Larger than any squared distance between bodies, smaller than AWAY squared."""
-SPAN = 28
-"""log2 of the number of position units per cell: bodies may be some cells apart, and the unit is finer than the
-single-precision error of their distance."""
 ACROSS_THE_WORLD = I(-(2**31))
 """The farthest position in units."""
 BATCH = 16

@@ -18,6 +18,7 @@ from typing import TypeVar
 from sleepcast.console.frames import pack, repeats
 from sleepcast.console.view import PaceControl, SwarmView
 from sleepcast.core.clock import Clock
+from sleepcast.core.tasks import settle
 from sleepcast.fleet.marks import GroupCodes, flags_of
 
 SLICE = 0.004
@@ -211,15 +212,5 @@ class Driver(FrameSource):
 async def in_thread(work: Callable[[], T]) -> T:
     """What `work` gives, which is done by a thread of its own; that is left behind by who gives up waiting."""
     done: Future[T] = Future()
-    done.set_running_or_notify_cancel()
-
-    def run() -> None:
-        try:
-            result = work()
-        except BaseException as error:
-            done.set_exception(error)
-        else:
-            done.set_result(result)
-
-    Thread(target=run, name="in thread", daemon=True).start()
+    Thread(target=settle, args=(done, work), name="in thread", daemon=True).start()
     return await asyncio.wrap_future(done)

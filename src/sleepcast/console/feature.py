@@ -13,7 +13,8 @@ it, in one place and with one sentence.
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterable
+from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeAlias, TypeVar, get_type_hints
 
@@ -53,6 +54,7 @@ class Handler:
     then: answers for another time than now; None, or what gives None, for what is a matter of now
     lacking: what is said where a source has not what it takes; "" for what the source itself says then
     recording: the same where that is a recording
+    package: that adds it, "" for sleepcast itself
     """
 
     asked: type[PageMessage]
@@ -61,15 +63,21 @@ class Handler:
     then: Callable[[Any, Any, Then], Reply] | None
     lacking: str
     recording: str
-
-    @property
-    def is_own(self) -> bool:
-        """Whether sleepcast itself answers."""
-        return self.answer.__module__.startswith("sleepcast.")
+    package: str = ""
 
 
 HANDLERS: dict[type[PageMessage], Handler] = {}
-"""All questions whose modules have been imported; `registry` imports every one."""
+"""All questions that may be asked; `registry` imports every one."""
+APART: ContextVar[dict[type[PageMessage], Handler] | None] = ContextVar("apart", default=None)
+"""Where questions are put instead whose modules are imported now: those of a package that may still turn out to be
+wrong, or come too late."""
+
+
+def refuse_twice(tag: object, module: str, others: Iterable[type[PageMessage]]) -> None:
+    """Raises MisuseError for a tag that another question has. module: whose question has it."""
+    for other in others:
+        if tag == other.__struct_config__.tag:
+            raise MisuseError(f'the tag "{tag}" is that of two questions, of {other.__module__} and of {module}')
 
 
 def answers(
@@ -79,12 +87,10 @@ def answers(
 
     def register(function: Function) -> Function:
         source, asked, *_ = get_type_hints(function).values()
-        tag = asked.__struct_config__.tag
-        for other in (*AT_ONCE, *HANDLERS):
-            if tag == other.__struct_config__.tag:
-                twice = f"of {other.__module__} and of {function.__module__}"
-                raise MisuseError(f'the tag "{tag}" is that of two questions, {twice}')
-        HANDLERS[asked] = Handler(asked, members_of(source), function, then, lacking, recording)
+        apart = APART.get()
+        handlers = HANDLERS if apart is None else apart
+        refuse_twice(asked.__struct_config__.tag, function.__module__, (*AT_ONCE, *HANDLERS, *handlers))
+        handlers[asked] = Handler(asked, members_of(source), function, then, lacking, recording)
         return function
 
     return register

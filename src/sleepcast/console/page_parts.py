@@ -8,25 +8,29 @@ others are: the page loads nothing from elsewhere.
 What questions and answers of packages are made of (`answers`, `PageMessage`, `DeskMessage` and so on) can be imported
 from here, so that no package has to know where in this room it stands.
 
-A part that cannot be loaded costs a page only that part: the person at the terminal is told which package is to blame,
-and the page, with its STOP, opens without it.
+A part that cannot be loaded, or not within `LOAD_WITHIN`, costs a page only that part: the person at the terminal is
+told which package is to blame, and the page, with its STOP, opens without it.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Future, wait
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from html.parser import HTMLParser
 from importlib import resources
 from pathlib import Path
+from time import monotonic
 from types import ModuleType
 
 from sleepcast.console import registry
 from sleepcast.console.feature import answers, only_now, run_again
 from sleepcast.console.incoming import PageMessage, Serial
 from sleepcast.console.outgoing import DeskMessage, Done
+from sleepcast.console.package_code import thread_of
 from sleepcast.console.values import Values
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.extensions import OWN, PAGES, Extension, extensions, find_extension, load_extension
@@ -81,6 +85,8 @@ class PagePart:
     whole: bool = False
 
 
+LOAD_WITHIN = 10.0
+"""Seconds for all parts together: long for an import, short for who waits for the page's STOP."""
 Parts = Sequence[tuple[str, PagePart]]
 """Parts of one page with their names."""
 
@@ -90,43 +96,62 @@ def whole_page(name: str) -> Parts:
     added = find_extension(PAGES, name)
     if added is None:
         raise MisuseError(f'no page "{name:.80}": no installed package adds one in {PAGES}')
-    return [(name, _load(added))]
+    part, questions = registry.apart(partial(_load, added))
+    registry.add(questions, added.package)
+    return [(name, part)]
 
 
 def added_parts(say: Callable[[str], None]) -> Parts:
-    """What installed packages add to the page of a swarm. say: tells the person at the terminal what cannot be
-    loaded."""
-    parts = []
-    for name, added in extensions(PAGES).items():
-        if added.package == OWN:  # which are pages of their own
-            continue
+    """What installed packages add to the page of a swarm; each is loaded in the thread of its package. say: tells the
+    person at the terminal what cannot be loaded."""
+    until, parts = monotonic() + LOAD_WITHIN, []
+    added = [each for each in extensions(PAGES).values() if each.package != OWN]  # whose pages are of their own
+    loading = [thread_of(each.package).begin(partial(registry.apart, partial(_load, each))) for each in added]
+    for each, loaded in zip(added, loading, strict=True):
         try:
-            part = _load(added)
+            part = _loaded(each, loaded, until)
         except MisuseError as error:
             say(f"{error}; the page opens without it")
             continue
         if not part.whole:
-            parts.append((name, part))
+            parts.append((each.name, part))
     return parts
+
+
+def _loaded(added: Extension, loaded: Future[tuple[PagePart, registry.Questions]], until: float) -> PagePart:
+    """A part, if it is there until then, s of `monotonic`. Raises MisuseError."""
+    wait([loaded], max(0.0, until - monotonic()))
+    if not loaded.done():
+        thread_of(added.package).give_up()
+        raise MisuseError(f"{_who(added)} is not loaded after {LOAD_WITHIN:g} s")
+    part, questions = loaded.result()
+    try:
+        registry.add(questions, added.package)
+    except MisuseError as error:
+        raise MisuseError(f"{_who(added)} cannot be loaded: {error}") from error
+    return part
+
+
+def _who(added: Extension) -> str:
+    return f'page "{added.name}" of the package {added.package}'
 
 
 def _load(added: Extension) -> PagePart:
     """A part with its questions. Raises MisuseError."""
-    who = f'page "{added.name}" of the package {added.package}'
+    who = _who(added)
     if not NAME.fullmatch(added.name) or (STATIC / added.name).exists():
         raise MisuseError(f"{who}: wanted another name, of small letters and digits, that no folder of the page has")
     try:
-        with registry.all_or_none():
-            part = load_extension(added, "page")
-            if not isinstance(part, PagePart):
-                raise MisuseError(f"{who} is no PagePart but {part!r:.60}")
-            files = (part.module, part.style, part.pieces)
-            if lacking := [file for file in files if file and not (part.static / file).is_file()]:
-                raise MisuseError(f"{who} has no file {', '.join(lacking)} in {part.static}")
-            if open_tag := _unbalanced(_pieces(part)):
-                raise MisuseError(f"{who} has pieces that would take the rest of the page with them: {open_tag}")
-            if part.features is not None:
-                registry.collect(part.features)
+        part = load_extension(added, "page")
+        if not isinstance(part, PagePart):
+            raise MisuseError(f"{who} is no PagePart but {part!r:.60}")
+        files = (part.module, part.style, part.pieces)
+        if lacking := [file for file in files if file and not (part.static / file).is_file()]:
+            raise MisuseError(f"{who} has no file {', '.join(lacking)} in {part.static}")
+        if open_tag := _unbalanced(_pieces(part)):
+            raise MisuseError(f"{who} has pieces that would take the rest of the page with them: {open_tag}")
+        if part.features is not None:
+            registry.collect(part.features)
     except (MisuseError, KeyboardInterrupt):
         raise
     except BaseException as error:  # a module that is imported may do anything

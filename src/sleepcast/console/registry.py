@@ -1,28 +1,42 @@
 """All features of the page: it collects the modules in `features/`, reads what a page asks, and has it answered.
 
-Those of other pages are collected when such a page is served. What no source supports is refused here,
-and nowhere else. STOP and RELEASE do not come by here: `dialogue` hands them
-to the desk at once.
+Those of other pages are collected when such a page is served. What no source supports is refused here, and nowhere
+else. What packages answer runs in threads of theirs (`package_code`). STOP and RELEASE do not come by here: `dialogue`
+hands them to the desk at once.
 """
 
 from __future__ import annotations
 
 from asyncio import CancelledError
-from collections.abc import Awaitable, Callable, Iterator
-from contextlib import contextmanager
-from functools import lru_cache
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import replace
+from functools import lru_cache, partial
 from importlib import import_module
 from pkgutil import iter_modules
 from types import ModuleType
-from typing import ClassVar, Protocol, Union
+from typing import ClassVar, Protocol, TypeVar, Union
 
 import msgspec
 
 from sleepcast.console import features
 from sleepcast.console.connection import encode
-from sleepcast.console.feature import BEGINNINGS, HANDLERS, NOT_HERE_AT_ALL, Answer, Handler, Reply, Then, has
+from sleepcast.console.feature import (
+    APART,
+    BEGINNINGS,
+    HANDLERS,
+    NOT_HERE_AT_ALL,
+    Answer,
+    Handler,
+    Reply,
+    Then,
+    has,
+    refuse_twice,
+)
 from sleepcast.console.incoming import AT_ONCE, PageMessage, read
+from sleepcast.console.package_code import thread_of
 from sleepcast.core.errors import MisuseError, SleepcastError
+
+Loaded = TypeVar("Loaded")
 
 
 def collect(package: ModuleType) -> None:
@@ -57,19 +71,35 @@ def _decoder(kinds: tuple[type[PageMessage], ...]) -> msgspec.json.Decoder[PageM
     return msgspec.json.Decoder(Union[(*kinds,)])
 
 
-@contextmanager
-def all_or_none() -> Iterator[None]:
-    """What registers questions within the block registers all of them; none, if anything is raised, or if no message
-    could be read any more, not even STOP."""
-    handlers, beginnings = dict(HANDLERS), list(BEGINNINGS)
+Questions = Mapping[type[PageMessage], Handler]
+"""Those that a package adds."""
+
+
+def apart(load: Callable[[], Loaded]) -> tuple[Loaded, Questions]:
+    """What this loads, with the questions of the modules that it imports, which nobody can ask yet."""
+    found: dict[type[PageMessage], Handler] = {}
+    before = APART.set(found)
     try:
-        yield
+        return load(), found
+    finally:
+        APART.reset(before)
+
+
+def add(questions: Questions, package: str) -> None:
+    """Let the questions of a package be asked. Raises MisuseError, and lets none of them be asked, where one has the
+    tag of another, or no message could be read any more, not even STOP."""
+    before = dict(HANDLERS)
+    try:
+        for asked, handler in questions.items():
+            refuse_twice(asked.__struct_config__.tag, asked.__module__, (*AT_ONCE, *HANDLERS))
+            HANDLERS[asked] = replace(handler, package=package)
         _decoder(messages())
-    except BaseException:
+    except BaseException as error:
         HANDLERS.clear()
-        HANDLERS.update(handlers)
-        BEGINNINGS[:] = beginnings
-        raise
+        HANDLERS.update(before)
+        if isinstance(error, MisuseError | KeyboardInterrupt):
+            raise
+        raise MisuseError(f"its questions cannot be read: {type(error).__name__}: {error}") from error
 
 
 def answer(asked: PageMessage, desk: Source, page: object = None, then: Then | None = None) -> Reply:
@@ -96,21 +126,33 @@ def answer(asked: PageMessage, desk: Source, page: object = None, then: Then | N
 
 
 def _called(handler: Handler, function: Callable[..., Reply], *arguments: object) -> Reply:
-    """What a handler's function answers. The mistakes of another package cost a page no more than this answer."""
-    if handler.is_own:
+    """What a handler's function answers. One of another package has a thread of its own, and its mistakes cost a page
+    no more than this answer."""
+    if getattr(function, "__module__", "").startswith("sleepcast."):
         return function(*arguments)
+    thread = thread_of(handler.package or handler.answer.__module__)
     try:
-        reply = function(*arguments)
-        return _called_later(handler, reply) if isinstance(reply, Awaitable) else _sendable(reply)
+        reply = thread.answer(partial(_checked, function, *arguments))
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # SystemExit would end the program, and with it the page's STOP
         raise _failed(handler, error) from error
+    return _called_later(handler, reply) if isinstance(reply, Awaitable) else reply
+
+
+def _checked(function: Callable[..., Reply], *arguments: object) -> Reply:
+    """What a function answers, if a page can be sent that."""
+    reply = function(*arguments)
+    return _checked_later(reply) if isinstance(reply, Awaitable) else _sendable(reply)
+
+
+async def _checked_later(reply: Awaitable[Answer]) -> Answer:
+    return _sendable(await reply)
 
 
 async def _called_later(handler: Handler, reply: Awaitable[Answer]) -> Answer:
     try:
-        return _sendable(await reply)
+        return await reply
     except (KeyboardInterrupt, CancelledError, GeneratorExit):
         raise
     except BaseException as error:

@@ -1,11 +1,14 @@
-"""Works that go on side by side in one thread, and waiting that can always be ended."""
+"""Works that go on side by side, in one thread or in others, and waiting that can always be ended."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
+from concurrent.futures import Future
 from contextlib import suppress
-from typing import Any
+from typing import Any, TypeVar
+
+T = TypeVar("T")
 
 
 async def together(*works: Coroutine[Any, Any, None]) -> None:
@@ -28,3 +31,16 @@ async def wait_at_most(event: asyncio.Event, seconds: float) -> None:
     with suppress(TimeoutError):
         async with asyncio.timeout(seconds):
             await event.wait()
+
+
+def settle(done: Future[T], work: Callable[[], T]) -> None:
+    """Do this, and let whoever waits for `done` have what comes of it, or what it raises; nothing if nobody waits any
+    more."""
+    if not done.set_running_or_notify_cancel():
+        return
+    try:
+        result = work()
+    except BaseException as error:
+        done.set_exception(error)
+    else:
+        done.set_result(result)

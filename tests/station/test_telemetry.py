@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from fleet.twins import Twins, vocabulary
 from language.authors import Author
 from language.cases import SENSORS
+from sleepcast.api.assembly import assemble
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import LOOK, Inspection
 from sleepcast.columns.telemetry import TelemetryTable
@@ -21,10 +22,12 @@ from sleepcast.console.recorded_values import RecordedNames, RecordedTelemetry
 from sleepcast.console.timeline import RobotMarks, Timeline
 from sleepcast.console.view import Scene
 from sleepcast.core.clock import ManualClock
+from sleepcast.fleet import inspection
 from sleepcast.language import Checked, ReadError, check
 from sleepcast.language.evaluate import is_true
 from sleepcast.language.parts import acts
 from sleepcast.language.symbols import Group, Names
+from sleepcast.simulator import find_scenario
 from sleepcast.station import Station
 from sleepcast.station.remote import RemoteMinds
 from sleepcast.station.telemetry import ToldRows
@@ -115,9 +118,9 @@ def recorded(twins: Twins) -> tuple[TelemetryTable, Names]:
     return RecordedTelemetry(timeline, lambda: twins.now), names
 
 
-def decided(table: TelemetryTable, checked: Checked) -> list[object]:
-    """Of each robot whether a test holds, None where it is unknown, or why that cannot be said."""
-    values, reason, reasons = table.values(checked.required(), np.arange(ROBOTS))
+def decided(table: TelemetryTable, checked: Checked, now: float = 0.0) -> list[object]:
+    """Of each robot whether a test holds, None where it is unknown, or why that cannot be said. All have told now."""
+    values, reason, reasons = table.values(checked.required(), np.arange(ROBOTS), now, np.full(ROBOTS, now))
     return [
         reasons[why - 1] if why else truth(value) for value, why in zip(values.tolist(), reason.tolist(), strict=True)
     ]
@@ -144,7 +147,9 @@ def test_a_certain_answer_is_what_the_robot_itself_would_say(start: int) -> None
     twins, text = made(chance), predicate(chance)
     note(text)
     fed = [on_the_air(twins), simulated(twins), recorded(twins)]
-    answers = [decided(table, checked) for table, names in fed if (checked := program(text, names)) is not None]
+    answers = [
+        decided(table, checked, twins.now) for table, names in fed if (checked := program(text, names)) is not None
+    ]
     for place, node in enumerate(twins.nodes):
         if not answers:
             return
@@ -202,6 +207,31 @@ def test_a_table_stays_as_it_is_while_robots_tell_more() -> None:
     everybody = Rows.run(0, before.count)
     assert before.column(slot, everybody).tolist()[::2] == [0.0, 200.0]
     assert fleet.station.told.latest().column(slot, everybody).tolist()[::2] == [5.0, 200.0]
+
+
+def test_clocks_of_robots_go_on_while_they_tell_nothing() -> None:
+    """A desk and a robot need not have the same clock."""
+    fleet = Fleet(2)
+    for name, began in (("s0", 10.0), ("s1", 100.0)):
+        fleet.minds[name].think(1, began)
+    fleet.report()
+    fleet.clock.advance(4.0)
+    assert fleet.station.preview("(WHEN (>= time 14s) (ST))").yes == ("s0", "s1")
+    assert fleet.station.preview("(WHEN (> time 14s) (ST))").yes == ("s1",)
+    assert fleet.station.values("time")[0].tolist() == [14.0, 104.0]
+
+
+@pytest.mark.parametrize("large", [False, True])
+def test_the_clock_of_a_run_is_that_of_its_robots_though_they_sleep(
+    large: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Robots with nothing to do do not look at it, and a large fleet tells only what is asked for."""
+    monkeypatch.setattr(inspection, "MANY", 1 if large else 1_000_000)
+    swarm, station = assemble(find_scenario("two-desks"), None, mission=False)
+    swarm.run(7.3)
+    for test, wanted in (("(> time 7.25s)", 12), ("(> time 7.35s)", 0), ("(= tick 73)", 12), ("(> tick 73)", 0)):
+        preview = station.preview(f"(WHEN {test} (ST))")
+        assert (len(preview.yes), len(preview.unknown)) == (wanted, 0), test
 
 
 def test_what_a_robot_made_itself_and_its_flags_are_in_the_table() -> None:

@@ -27,6 +27,7 @@ from sleepcast.language.parts import Part, acts, walk
 from sleepcast.language.program import Program
 from sleepcast.language.rehearsal import ACTION, CHANCE, asks, does
 from sleepcast.language.symbols import Declared
+from sleepcast.language.vocabulary import TICK, TIME_SLOT
 
 MAX_REASONS = 200
 """Different reasons told apart in one answer, so that one fits a byte; the rest counts as the last of them."""
@@ -192,13 +193,25 @@ class TelemetryTable(ABC):
         which of them already do, None for all."""
         return None
 
-    def values(self, program: Program, robots: Index) -> TextValues:
-        """What a program comes to on these robots, ascending, all of which have sent telemetry."""
+    def clock(self, slot: int, now: float, told: Column) -> Column | float | None:
+        """What `time` or `tick` (the slot) is on all robots at `now`, or on one for all; None: what they told. Both go
+        on while nobody tells anything.
+
+        now: s of the desk's clock
+        told: when each robot told of itself last, s of the same clock
+        """
+        return None
+
+    def values(self, program: Program, robots: Index, now: float, told: Column) -> TextValues:
+        """What a program comes to on these robots, ascending, all of which have sent telemetry.
+
+        now, told: see `clock`
+        """
         from sleepcast.columns.machine import evaluate  # who only stops robots, or watches them, does not wait for it
 
         rows = Rows.of(robots)
         reported = self.ask(program, rows)
-        memory = _TableMemory(self, self.latest())
+        memory = _TableMemory(self, _ClockedColumns(self.latest(), lambda slot: self.clock(slot, now, told)))
         if reported is not None:
             memory.know(rows, reported)
         nameless = (part.name.casefold() for part in walk(program.root) if part.op in ("absent", "missing"))
@@ -223,6 +236,23 @@ class BulkTelemetry(TelemetryTable):
     @abstractmethod
     def rest_states(self, robots: Index) -> tuple[Column, Column] | None:
         """How these robots move, which are telling of themselves: see `RestState`. None if they do not tell that."""
+
+
+class _ClockedColumns(Columns):
+    """What robots told, with clocks that have gone on since. clock: see `TelemetryTable.clock`."""
+
+    def __init__(self, columns: Columns, clock: Callable[[int], Column | float | None]) -> None:
+        self.count = columns.count
+        self._columns, self._clock = columns, clock
+
+    def members(self, key: str) -> Mask | None:
+        return self._columns.members(key)
+
+    def read(self, slot: int, rows: Rows) -> Column | float:
+        values = self._clock(slot) if slot in (TIME_SLOT, TICK) else None
+        if values is None:
+            return self._columns.read(slot, rows)
+        return values if isinstance(values, float) else values[rows.index]
 
 
 class _TableMemory(QuietMemory):

@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
-from math import nan
+from math import isnan, nan
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -178,6 +178,8 @@ class FleetTelemetry(BulkTelemetry):
         self._state, self._minds, self._bodies = state, minds, bodies
         self._then = ValueColumns(state.count, [nan] * len(state.slots()))
         self._stopped: Mask = np.zeros(state.count, np.bool_)
+        self.tick = nan
+        """How long a tick of all robots is, s; NaN where nobody knows."""
         self._large = state.count >= MANY
         self._last = Rows.run(0, 0)
         """The robots that reported last."""
@@ -227,6 +229,12 @@ class FleetTelemetry(BulkTelemetry):
     def latest(self) -> ValueColumns:
         return self._then
 
+    def clock(self, slot: int, now: float, told: Column) -> Column | float | None:
+        """All robots of a run have the clock of the run, as its desk has."""
+        if slot == TIME_SLOT:
+            return float(now)
+        return None if isnan(self.tick) else float(round(now / self.tick))
+
     def divide(self, rows: Rows, key: Callable[[KnownSymbols], Key]) -> list[tuple[Key, Rows, Mask | None]]:
         """By the robots' current minds."""
         return self._state.divide(rows, lambda number: key(self._minds[number]))
@@ -240,7 +248,8 @@ class FleetTelemetry(BulkTelemetry):
         minds = {self._minds[number] for number in there}
         slots, _ = reads_of(program, minds)
         reported = np.ones(rows.size, np.bool_)
-        for slot in self._state.slots() if slots is None else sorted(slots & {*self._state.slots()}):
+        wanted = {*self._state.slots()} if slots is None else slots & {*self._state.slots()}
+        for slot in sorted(wanted - {TIME_SLOT, TICK}):
             if slot not in self._asked:
                 self._then.copy_from(self._state, self._last, [slot])
                 self._asked[slot] = np.zeros(self._state.count, np.bool_)

@@ -173,6 +173,7 @@ class Swarm:
         )
         self.minds: Mapping[str, RobotView] = self.fleet
         scenario = simulator.scenario
+        self.fleet.telemetry.tick = scenario.tick
         self.radio = Radio(
             scenario.radio,
             simulator.x,

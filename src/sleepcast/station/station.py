@@ -237,11 +237,11 @@ class Station:
             raise CheckError(checked.findings, text, checked.more)
         validate_reading(text, program)
         times = self._roster.reported[: len(self._roster)]
-        told = self._clock.now() - times <= self.stale_after
+        told = (now := self._clock.now()) - times <= self.stale_after
         known = np.flatnonzero(told if places is None else told[places])
         fresh = known if places is None else places[known]
         values = np.full(len(times) if places is None else len(places), nan)
-        values[known], reason, _ = self.telemetry.values(program, fresh)
+        values[known], reason, _ = self.telemetry.values(program, fresh, now, times)
         return values, RobotNames(self._roster.names, fresh[reason > 0])
 
     # ---- sending

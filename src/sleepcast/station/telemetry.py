@@ -20,7 +20,7 @@ from sleepcast.language.parts import Part
 from sleepcast.language.program import Program
 from sleepcast.language.rehearsal import holds
 from sleepcast.language.symbols import Declared
-from sleepcast.language.vocabulary import ACTIVE0, BUFFERS
+from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, TIME_SLOT
 from sleepcast.mind.telemetry import TelemetryRecord
 from sleepcast.station.schema_merge import SlotMap
 from sleepcast.station.validation import Minds, SlotValues, Telemetry
@@ -197,6 +197,13 @@ class ToldTelemetry(TelemetryTable):
             columns = ToldRows(rows)
             latest = self._latest = told, AskedColumns(len(rows), columns.column, columns.groups)
         return latest[1]
+
+    def clock(self, slot: int, now: float, told: Column) -> Column | float | None:
+        """How long its ticks are, no robot tells."""
+        if slot != TIME_SLOT:
+            return None
+        columns = self.latest()
+        return columns.column(slot, Rows.run(0, columns.count)) + (now - told[: columns.count])
 
     def divide(self, rows: Rows, key: Callable[[KnownSymbols], Key]) -> list[tuple[Key, Rows, Mask | None]]:
         symbols = [self._symbols(self._names[place]) for place in rows.robots.tolist()]

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import nan
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -370,7 +371,7 @@ def preview(
         listed.append(obstacle)
     else:
         robots = np.flatnonzero(fresh)
-        values, why, reasons = table.values(test, robots)
+        values, why, reasons = table.values(test, robots, now, times)
         known = why == 0
         undecided = known & np.isnan(values)
         codes[robots] = np.where(known, np.where(undecided, UNDECIDED, is_true(values)), UNKNOWN)
@@ -427,7 +428,7 @@ def is_for_everybody(program: Program) -> bool:
 def _true_of_nothing_known(test: Program) -> bool:
     if any(part.op not in _STRICT for part in walk(test.root)):
         return False
-    values, reason, _ = _NothingTold().values(test, np.zeros(1, np.intp))
+    values, reason, _ = _NothingTold().values(test, np.zeros(1, np.intp), nan, np.zeros(1))
     return bool(reason[0] == 0 and is_true(values[0]))
 
 

@@ -3,13 +3,30 @@
 from __future__ import annotations
 
 from collections import deque
+from pathlib import Path
 
 import pytest
 
+from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError
+from sleepcast.nomad import Nserver, ServerPace, Windows
+from sleepcast.nomad.panes.adapter import NomadsAdapter
+from sleepcast.nomad.panes.backend import NomadsBackend
+from sleepcast.nomad.panes.dialogue import NomadDialogue
 from sleepcast.nomad.panes.orders import END_OF_ORDER, ORDERS, check
 from sleepcast.nomad.panes.windows import Added, Tail
 from sleepcast.nomad.wire.requests import SHAPES, RequestType
+from sleepcast.nomad.world.building import nomad_world
+
+HELLO = Path(__file__).parent / "hello.json"
+"""The first words to the page of a robot in an empty room, byte for byte."""
+
+
+def test_the_first_words_to_a_page_stay_as_they_are() -> None:
+    """Its modules read them, and so do programs that watch a server. Who changes them changes the file as well."""
+    clock, world = ManualClock(), nomad_world()
+    nomads = NomadsAdapter(Nserver(world, windows=Windows(1)), ServerPace(clock, 1.0), "a room", world.area)
+    assert NomadDialogue(NomadsBackend(nomads, clock)).hello() == HELLO.read_text("utf-8").rstrip("\n")
 
 
 class TestTail:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sleepcast.core.errors import in_file, nearest
+from sleepcast.core.errors import in_file, listed, nearest
 
 
 @pytest.mark.parametrize(
@@ -26,3 +26,18 @@ def test_a_sentence_about_a_file_has_one_line_count(place: str, sentence: str, s
 )
 def test_the_nearest_name_is_another_one(name: str, found: str | None) -> None:
     assert nearest(name, ["seed", "tick"]) == found
+
+
+@pytest.mark.parametrize(
+    ("names", "total", "shown"),
+    [
+        ([], None, ""),
+        (["r1", "r2"], None, "r1, r2"),
+        ([1, 2, 3], None, "1, 2 and 1 more"),
+        (["r1"], 1, "r1"),
+        (["r1"], 3, "r1 and 2 more"),
+        (["r1", "r2"], 2_002, "r1, r2 and 2,000 more"),
+    ],
+)
+def test_a_long_list_says_how_many_it_leaves_out(names: list[object], total: int | None, shown: str) -> None:
+    assert listed(names, 2, total) == shown

@@ -20,7 +20,7 @@ from sleepcast.api.assembly import others_of
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.desks import sent_by
 from sleepcast.channel.message import FOR, LEASE, NOT
-from sleepcast.core.errors import MisuseError
+from sleepcast.core.errors import MisuseError, and_more
 from sleepcast.core.toml_text import toml_value
 from sleepcast.loop import Swarm
 from sleepcast.loop.mission import named_robots, order_kind
@@ -119,12 +119,11 @@ def never_sent(orders: Iterable[Order]) -> list[dict[str, object]]:
 
 def late_sentence(orders: Sequence[Order], end: float) -> str:
     """That these orders come after the end of a run, at `end` s, so that they are never sent; for people."""
-    some = "; ".join(each.in_short() for each in orders[:MAX_NAMED])
-    more = f"; and {len(orders) - MAX_NAMED} more" if len(orders) > MAX_NAMED else ""
+    some = "; ".join((*(each.in_short() for each in orders[:MAX_NAMED]), *and_more(len(orders) - MAX_NAMED)))
     one = len(orders) == 1
     return (
         f"{len(orders)} {'command comes' if one else 'commands come'} after the end at {end:g} s and "
-        f"{'is' if one else 'are'} never sent: {some}{more}"
+        f"{'is' if one else 'are'} never sent: {some}"
     )
 
 

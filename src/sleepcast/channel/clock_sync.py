@@ -22,6 +22,7 @@ from sleepcast.channel.fair_table import FairTable
 from sleepcast.channel.message import TIME, Message
 from sleepcast.core.backoff import Backoff
 from sleepcast.core.clock import MADE
+from sleepcast.core.errors import listed
 
 ENOUGH, LATEST = 3, 16
 """Heartbeats needed to measure an offset, and the number of latest ones used: those of some five seconds."""
@@ -121,7 +122,7 @@ class WrongClocks:
             names = [name for name, ahead in wrong if ahead - first <= _ALIKE]
             whose = "its clock is" if len(names) == 1 else "their clocks are"
             only = "" if 0.0 < first <= life else "; it obeys STOP only" if len(names) == 1 else "; they obey STOP only"
-            sentences.append(f"{_listed(names)}: {whose} {differs(first)}{only}")
+            sentences.append(f"{listed(names, SHOWN)}: {whose} {differs(first)}{only}")
             wrong = wrong[len(names) :]
         whose_time: dict[tuple[str, str], list[str]] = {}
         for name, (whose, behind) in self._took.items():
@@ -145,12 +146,7 @@ def differs(ahead: float) -> str:
 def took(names: Sequence[str], whose: str, differs: str) -> str:
     """A sentence: these robots have set their clocks to the time of `whose`. differs: how wrong they were."""
     theirs, clocks = ("its", "its clock was") if len(names) == 1 else ("their", "their clocks were")
-    return f"{_listed(names)} took {theirs} time from {whose}: {clocks} {differs}"
-
-
-def _listed(names: Sequence[str]) -> str:
-    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-    return ", ".join(names[:SHOWN]) + more
+    return f"{listed(names, SHOWN)} took {theirs} time from {whose}: {clocks} {differs}"
 
 
 NONCE_BYTES = 16

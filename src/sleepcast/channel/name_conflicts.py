@@ -23,7 +23,7 @@ import msgspec
 
 from sleepcast.channel.fair_table import FairTable
 from sleepcast.channel.message import INTRODUCE, MAX_NAME, NAMES, OTHERS, Kind, Message, is_addressed
-from sleepcast.core.errors import printable
+from sleepcast.core.errors import listed, printable
 
 LASTS = 30.0
 """Seconds of silence after which a robot does not hold its name any more: a conflict is over."""
@@ -284,7 +284,8 @@ class NameConflicts:
         }
         return [
             f"{'another robot has our name' if len(names) == 1 else f'other robots have {len(names)} of our names:'} "
-            f"{_listed(names)}, {where}: commands reach both, and no desk takes the answer of one for both"
+            f"{printable(listed(names, SHOWN))}, {where}: commands reach both, and no desk takes the answer of one for "
+            "both"
             for names, where in _alike(others)
         ]
 
@@ -317,7 +318,7 @@ def sentences(contested: Mapping[str, Sequence[Holder]]) -> list[str]:
     """What a desk says of names that several robots have."""
     return [
         f"{len(contested[names[0]])} robots have {'the name' if len(names) == 1 else f'each of {len(names)} names:'} "
-        f"{_listed(names)}, {where}"
+        f"{printable(listed(names, SHOWN))}, {where}"
         for names, where in _alike(contested)
     ]
 
@@ -332,11 +333,6 @@ def _alike(holders_of: Mapping[str, Sequence[Holder]]) -> Iterator[tuple[list[st
             yield names, ", ".join(map(str, sorted(holders_of[names[0]], key=lambda each: each.epoch)))
         else:
             yield names, ", ".join(f"one at {address or 'an unknown address'}" for address in addresses)
-
-
-def _listed(names: Sequence[str]) -> str:
-    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-    return printable(", ".join(names[:SHOWN])) + more
 
 
 # ---- fields of bodies

@@ -8,7 +8,7 @@ failure at work). The rooms keep their own subclasses beside the code that raise
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 
 MAX_LINE = 100
@@ -144,8 +144,19 @@ def counted(count: int, noun: str) -> str:
 
 
 def and_more(count: int) -> list[str]:
-    """The line that ends a list from which so many are left out; none if none are."""
-    return [f"and {count:,} more"] if count else []
+    """What ends a list from which so many are left out; nothing if none are."""
+    return [f"and {count:,} more"] if count > 0 else []
+
+
+def listed(names: Sequence[object], most: int, total: int | None = None) -> str:
+    """`r1, r2 and 3 more`: the first ones by name, and how many there are besides.
+
+    most: of these names at most.
+    total: how many there are, None for as many as names.
+    """
+    some = names[:most]
+    left = (len(names) if total is None else total) - len(some)
+    return " ".join((", ".join(map(str, some)), *and_more(left)))
 
 
 def with_caret(message: str, text: str, start: int, end: int) -> str:

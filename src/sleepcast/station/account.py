@@ -19,7 +19,7 @@ from sleepcast.channel.message import NOT_STORED
 from sleepcast.channel.message_batch import natural_order
 from sleepcast.core.ages import ago
 from sleepcast.core.angles import mean_direction, quantile
-from sleepcast.core.errors import printable
+from sleepcast.core.errors import and_more, printable
 from sleepcast.core.units import value_in_words
 from sleepcast.language import Checked
 from sleepcast.station.rest import RestAccount
@@ -276,7 +276,7 @@ class Account:
         named = sorted(self.first_silent(SORTED), key=natural_order)[:most]
         shown = [f"{name} ({self.ago(name)})" for name in named]
         more = self.n_silent - self.n_nameless - len(named)
-        shown += [f"and {more} more"] if more else []
+        shown += and_more(more)
         shown += [f"{'and ' if shown else ''}{self.n_nameless} that were never heard"] if self.n_nameless else []
         return printable(", ".join(shown))
 

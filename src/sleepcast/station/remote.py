@@ -27,7 +27,7 @@ from sleepcast.channel.message_batch import natural_order
 from sleepcast.channel.name_conflicts import NameConflicts
 from sleepcast.columns.telemetry import KnownSymbols, Undecided
 from sleepcast.core.backoff import Backoff
-from sleepcast.core.errors import SleepcastError, printable
+from sleepcast.core.errors import SleepcastError, listed, printable
 from sleepcast.core.model import RestState
 from sleepcast.language import Checked
 from sleepcast.language.explain import Explanation, with_units
@@ -306,10 +306,7 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         for name in sorted(self._minds, key=natural_order):
             if doubt := self._minds[name].doubt:
                 of_reason.setdefault(doubt, []).append(printable(name))
-        reasons = (
-            f"{', '.join(names[:FEW])}{f' and {len(names) - FEW} more' if len(names) > FEW else ''} ({doubt})"
-            for doubt, names in islice(of_reason.items(), FEW)
-        )
+        reasons = (f"{listed(names, FEW)} ({doubt})" for doubt, names in islice(of_reason.items(), FEW))
         return f"stopped until RELEASE: {'; '.join(reasons)}" if of_reason else ""
 
     def texts(self) -> list[str]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from sleepcast.channel.message import MOTION, TELEMETRY, Message
 from sleepcast.channel.message_batch import NameIndex, natural_order
-from sleepcast.core.errors import printable
+from sleepcast.core.errors import and_more, printable
 from sleepcast.core.model import RestState
 from sleepcast.core.serial import Array, SerialError
 from sleepcast.core.units import UNITS, value_in_words
@@ -175,7 +175,7 @@ class RestAccount:
         named = self.farthest(most)
         sentences = [f"{name} ({state_in_words(state, *units)})" for name, state in named.items()]
         more = self.n_stopping - len(named)
-        return printable(", ".join(sentences + ([f"and {more:,} more"] if more else [])))
+        return printable(", ".join([*sentences, *and_more(more)]))
 
 
 def state_in_words(state: RestState, speed_unit: str, length_unit: str) -> str:

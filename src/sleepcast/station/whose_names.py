@@ -15,7 +15,7 @@ from copy import copy
 from dataclasses import replace
 
 from sleepcast.channel.message_batch import natural_order
-from sleepcast.core.errors import printable
+from sleepcast.core.errors import listed, printable
 from sleepcast.core.model import Constant, HostFunction
 from sleepcast.language import Checked, check
 from sleepcast.language.functions import FUNCTIONS, MANY
@@ -139,6 +139,5 @@ def _whose(text: str, minds: RemoteMinds, robots: Sequence[str]) -> str:
 
 def _named(vocabulary: Vocabulary | None, names: Sequence[str]) -> str:
     kind = "" if vocabulary is None else vocabulary.name
-    more = f" and {len(names) - FEW} more" if len(names) > FEW else ""
-    listed = f"{', '.join(names[:FEW])}{more}"
-    return printable(f"{kind} ({listed})" if kind else listed)
+    some = listed(names, FEW)
+    return printable(f"{kind} ({some})" if kind else some)

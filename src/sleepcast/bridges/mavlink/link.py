@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from sleepcast.bridges.address import BodyAddress, BodyError
 from sleepcast.core.clock import Clock, UnixClock
-from sleepcast.core.errors import MisuseError
+from sleepcast.core.errors import MisuseError, listed
 from sleepcast.core.extras import installing
 
 if TYPE_CHECKING:
@@ -222,8 +222,7 @@ class Refusals:
         systems = sorted(self._systems.get(reason, ()))
         if not systems:
             return ""
-        more = f" and {len(systems) - MAX_NAMED} more" if len(systems) > MAX_NAMED else ""
-        return f" (system {', '.join(map(str, systems[:MAX_NAMED]))}{more})"
+        return f" (system {listed(systems, MAX_NAMED)})"
 
 
 class MavlinkConnection:

@@ -28,7 +28,7 @@ from sleepcast.console.marks import clock_time
 from sleepcast.console.outgoing import DeskMessage
 from sleepcast.console.values import Values
 from sleepcast.core.clock import Clock
-from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.errors import MisuseError, SleepcastError, listed
 from sleepcast.language.evaluate import is_true
 
 MAX_ALERTS = 32
@@ -271,9 +271,13 @@ class AlertBoard:
         self._fired += 1
         indices = np.flatnonzero(robots)
         named = [self.values.names[index] for index in indices[:MAX_NAMED].tolist()]
-        more = f" and {len(indices) - MAX_NAMED:,} more" if len(indices) > MAX_NAMED else ""
         firing = ShownFiring(
-            self._fired, alert.number, alert.text, self.values.time(), alert.count, ", ".join(named) + more
+            self._fired,
+            alert.number,
+            alert.text,
+            self.values.time(),
+            alert.count,
+            listed(named, MAX_NAMED, len(indices)),
         )
         self._firings.append((firing, robots))
         for listener in (self.marked, *self.listeners):

@@ -58,7 +58,7 @@ def judged(fleet: Fleet, text: str, robots: Sequence[int] = EVERYBODY) -> tuple[
     """For whom a test holds, of whom that cannot be said, and the reasons."""
     names = FleetNames(fleet.vocabulary, fleet)
     program = fleet.minds.library.program(text, lambda: [read(text)], names)
-    values, reason, reasons = fleet.telemetry.values(program, np.array(robots, np.intp), 0.0, np.zeros(len(EVERYBODY)))
+    values, reason, reasons = fleet.telemetry.values(program, np.array(robots, np.intp))
     index = np.array(robots)
     return index[is_true(values)].tolist(), index[reason > 0].tolist(), reasons
 
@@ -76,9 +76,7 @@ def test_values_of_robots_that_have_not_told_are_unknown(fleet: Fleet) -> None:
     tell(fleet, [1, 4])
     names = FleetNames(fleet.vocabulary, fleet)
     program = fleet.minds.library.program("(* 2 x)", lambda: [read("(* 2 x)")], names)
-    values, reason, reasons = fleet.telemetry.values(
-        program, np.array(EVERYBODY, np.intp), 0.0, np.zeros(len(EVERYBODY))
-    )
+    values, reason, reasons = fleet.telemetry.values(program, np.array(EVERYBODY, np.intp))
     assert np.array_equal(values, [np.nan, 2.0, np.nan, np.nan, 8.0, np.nan], equal_nan=True)
     assert reason.tolist() == [1, 0, 1, 1, 0, 1]
     assert reasons == [NOT_YET]

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable
+from functools import partial
 from math import nan
 from typing import Protocol, TypeAlias, TypeVar
 
@@ -202,16 +203,19 @@ class TelemetryTable(ABC):
         """
         return None
 
-    def values(self, program: Program, robots: Index, now: float, told: Column) -> TextValues:
+    def values(self, program: Program, robots: Index, now: float = nan, told: Column | None = None) -> TextValues:
         """What a program comes to on these robots, ascending, all of which have sent telemetry.
 
-        now, told: see `clock`
+        now, told: see `clock`; None: the table is of this very moment
         """
         from sleepcast.columns.machine import evaluate  # who only stops robots, or watches them, does not wait for it
 
         rows = Rows.of(robots)
         reported = self.ask(program, rows)
-        memory = _TableMemory(self, _ClockedColumns(self.latest(), lambda slot: self.clock(slot, now, told)))
+        columns = self.latest()
+        if told is not None:
+            columns = _ClockedColumns(columns, partial(self.clock, now=now, told=told))
+        memory = _TableMemory(self, columns)
         if reported is not None:
             memory.know(rows, reported)
         nameless = (part.name.casefold() for part in walk(program.root) if part.op in ("absent", "missing"))

@@ -171,8 +171,7 @@ class RecordedValues:
         if checked.unknown:
             raise MisuseError(f"{CheckError(checked.findings, text, checked.more)}\n{HOLDS}")
         validate_reading(text, program)
-        some, now = np.arange(len(self.names)) if robots is None else robots, self._now()
-        return self._table.values(program, some, now, np.full(len(self.names), now))[0], 0
+        return self._table.values(program, np.arange(len(self.names)) if robots is None else robots)[0], 0
 
     def checked(self, text: str) -> Checked:
         return check(text, self._known())

@@ -17,7 +17,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import nan
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -428,7 +427,7 @@ def is_for_everybody(program: Program) -> bool:
 def _true_of_nothing_known(test: Program) -> bool:
     if any(part.op not in _STRICT for part in walk(test.root)):
         return False
-    values, reason, _ = _NothingTold().values(test, np.zeros(1, np.intp), nan, np.zeros(1))
+    values, reason, _ = _NothingTold().values(test, np.zeros(1, np.intp))
     return bool(reason[0] == 0 and is_true(values[0]))
 
 

@@ -81,7 +81,11 @@ FEATURES = {
         },
     ),
     "the form DOTIMES": Feature("a special form", r"""(?i)["']dotimes["']"""),
-    "the form COND": Feature("a special form", r"""["']cond["']"""),
+    "the form COND": Feature(
+        "a special form",
+        r"""["']cond["']""",
+        {"gym/together.py": "one of the parts that read sensors alone, for speed"},
+    ),
     "the act JOIN": Feature(
         "an act on rules, groups or functions",
         r"""(?i)["']join["']""",

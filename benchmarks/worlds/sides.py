@@ -43,10 +43,12 @@ class Clock:
 
     cpu: bool = False
 
-    def of(self, command: Sequence[str], environment: Mapping[str, str] | None = None) -> float:
+    def of(
+        self, command: Sequence[str], environment: Mapping[str, str] | None = None, *, silent: bool = False
+    ) -> float:
         """Seconds that a command takes, with all processes that it starts. Raises RuntimeError if it fails."""
         began = time.perf_counter()
-        process = begun(command, environment)
+        process = begun(command, environment, silent=silent)
         used = self.end(process)
         return used if self.cpu else time.perf_counter() - began
 
@@ -64,9 +66,13 @@ class Clock:
         return (CPU,) if self.cpu else ()
 
 
-def begun(command: Sequence[str], environment: Mapping[str, str] | None = None) -> subprocess.Popen[bytes]:
-    """A command at work, of which only complaints are seen. environment: variables to add."""
-    return subprocess.Popen(command, env={**os.environ, **(environment or {})}, cwd=ROOT, stdout=subprocess.DEVNULL)
+def begun(
+    command: Sequence[str], environment: Mapping[str, str] | None = None, *, silent: bool = False
+) -> subprocess.Popen[bytes]:
+    """A command at work, of which only complaints are seen, or nothing. environment: variables to add."""
+    null = subprocess.DEVNULL
+    everything = {**os.environ, **(environment or {})}
+    return subprocess.Popen(command, env=everything, cwd=ROOT, stdout=null, stderr=null if silent else None)
 
 
 @dataclass(frozen=True)
@@ -195,7 +201,7 @@ class Argos:
         with TemporaryDirectory() as folder:
             longer = Path(folder, file.name)
             longer.write_text(LENGTH.sub(f'length="{60 * minutes}"', file.read_text()))
-            return self.clock.of(["argos3", "-c", str(longer)])
+            return self.clock.of(["argos3", "-c", str(longer)], silent=True)
 
     def many(self, robots: int, runs: int, cores: int) -> tuple[float, list[float]]:
         """Seconds that so many processes take, as many at a time as there are cores, and what each of them took; of the

@@ -19,6 +19,7 @@ from sleepcast.core.threads import ThreadPool
 from sleepcast.simulator.motion import steps
 from sleepcast.simulator.motion.driving import Laws
 from sleepcast.simulator.motion.steps import BodyColumns, Displacement, Draws, Settled
+from sleepcast.simulator.neighbours.neighbourhood import Formula, Vicinity
 from sleepcast.simulator.sonar import cones, noise
 from sleepcast.simulator.sonar.cones import Ranges, Seen, VisibleScene
 from sleepcast.simulator.sonar.firing import Firing, Tick, fire
@@ -54,6 +55,15 @@ class Machine(Protocol):
     def pairs(
         self, grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float, first: Whole, /
     ) -> tuple[Whole, Whole]: ...
+
+    @property
+    def compiles(self) -> bool:
+        """Whether it can do `neighbours`; otherwise that is found from `pairs`."""
+
+    def neighbours(
+        self, vicinity: Vicinity, formula: Formula, robots: Whole, radius: Floats, colour: Floats, /
+    ) -> Floats:
+        """What a formula comes to for each of these robots; see `range_and_bearing`."""
 
     def in_sight(self, listed: CellLists, solids: Floats, /) -> Seen:
         """These rows of `solids` in the form that `ranges` and `hear` expect."""
@@ -102,6 +112,7 @@ class NumPyMachine:
 
     name = "numpy"
     pool = None
+    compiles = False
     sort = staticmethod(grid.sort)
     candidates = staticmethod(grid.candidates)
     pairs = staticmethod(grid.pairs)
@@ -112,6 +123,9 @@ class NumPyMachine:
     settle = staticmethod(steps.settle)
     disturb = staticmethod(noise.disturb)
     tell = staticmethod(noise.tell)
+
+    def neighbours(self, vicinity: Vicinity, formula: Formula, robots: Whole, radius: Floats, colour: Floats) -> Floats:
+        raise NotImplementedError("NumPy finds what robots sense of their neighbours from pairs")
 
     def in_sight(self, listed: CellLists, solids: Floats) -> CellLists:
         return listed

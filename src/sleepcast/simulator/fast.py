@@ -20,6 +20,7 @@ from sleepcast.core.threads import FEW, SIZES, ThreadPool, borders
 from sleepcast.simulator.motion import steps
 from sleepcast.simulator.motion.driving import Laws
 from sleepcast.simulator.motion.steps import SKIN, BodyColumns, Displacement, Draws, Settled, boxes_of, clear
+from sleepcast.simulator.neighbours.neighbourhood import Formula, Vicinity
 from sleepcast.simulator.simd.cached import CachedKernels
 from sleepcast.simulator.simd.formulas import LANES
 from sleepcast.simulator.sonar.cones import Cones, Ranges, VisibleScene
@@ -34,6 +35,7 @@ Flags: TypeAlias = NDArray[np.bool_]
 
 kernels, kernels_motion = CachedKernels("sonar.kernels"), CachedKernels("motion.kernels_motion")
 kernels_firing, kernels_sonar = CachedKernels("sonar.kernels_firing"), CachedKernels("sonar.kernels_sonar")
+kernels_neighbours = CachedKernels("neighbours.kernels_neighbours")
 wait = CachedKernels("simd.kernels_wait").wait
 
 ALONE = 5_000
@@ -100,6 +102,7 @@ class NumbaMachine:
     """See `engine.Machine`."""
 
     name = "numba"
+    compiles = True
 
     def __init__(self, threads: int) -> None:
         self.pool = ThreadPool(threads, wait)
@@ -139,6 +142,16 @@ class NumbaMachine:
         robots, others = np.empty((2, most), np.int64)
         count = kernels.pairs(x, y, *points, grid.size, grid.columns, grid.rows, reach, first, robots, others)
         return robots[:count], others[:count]
+
+    def neighbours(self, vicinity: Vicinity, formula: Formula, robots: Whole, radius: Floats, colour: Floats) -> Floats:
+        found = np.empty(len(robots))
+        kernels_neighbours.prepare_one(vicinity.address)
+
+        def work(first: int, last: int) -> None:
+            kernels_neighbours.ask_many(vicinity.address, *formula, robots, radius, colour, first, last, found)
+
+        self._share(len(robots), work, CROWDED)
+        return found
 
     def in_sight(self, listed: CellLists, solids: Floats) -> Walls:
         return walls_of(listed, solids)

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import sleepcast as sc
 from sleepcast.core.settings import SettingsError
@@ -227,6 +229,54 @@ class TestOneResult:
         by_numpy, by_numba = self.running(tmp_path), self.running(tmp_path, "numba")
         for name in ASKED:
             assert np.array_equal(ask_all(by_numpy, name, 40.0), ask_all(by_numba, name, 40.0), equal_nan=True)
+
+
+TORUS = 'width = "250m"\nheight = "240m"\nedge = "torus"'
+WORLDS = {
+    "plain": (),
+    "torus": (('width = "1km"\nheight = "1km"', TORUS), ('x = "500m"\ny = "400m"', 'x = "50m"\ny = "40m"')),
+    "noisy": (("[radio]", '[noise]\nx = "1m"\nheading = "5deg"\n\n[radio]'),),
+}
+ERRORS = {"exact": "", "wrong": "loss = 0.2\nnoise = 0.1\n"}
+SHARED = '[neighbours.shares]\nopinion = ""\nway = "deg"\n'
+REDUCED = tuple(f"{how}_{what}" for what in ("OPINION", "WAY") for how in ("MEAN", "SUM", "LEAST", "MOST", "NEAREST"))
+
+
+@pytest.mark.parametrize("errors", ERRORS)
+@pytest.mark.parametrize("world", WORLDS)
+@given(chance=st.integers(0, 2**32 - 1), radius=st.sampled_from([0.0, 1.0, 2.5, 7.0, 50.0]))
+@settings(max_examples=6, deadline=None)
+def test_random_worlds_are_the_same_with_and_without_pairs(
+    world: str, errors: str, chance: int, radius: float, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """Whether they are alone, at one place, of several colours, or share nothing."""
+    pytest.importorskip("numba")
+    more = f'\n[neighbours]\nreach = "40m"\n{ERRORS[errors]}{SHARED}'
+    scenario = load(write(tmp_path_factory.mktemp("world"), ("count = 20", "count = 60"), *WORLDS[world], more=more))
+    drawn, results = np.random.default_rng(chance), []
+    places, headings = np.rint(drawn.uniform(-12.0, 12.0, (2, 60)) * 4.0) / 4.0, drawn.uniform(-pi, pi, 60)
+    colours, opinions = drawn.integers(0, 3, 60).astype(float), drawn.choice([-0.0, 0.0, 1.5, np.nan], 60)
+    ways, radii, some = drawn.uniform(-9.0, 9.0, 60), drawn.choice([radius, 3.0], 60), drawn.permutation(60)[:40]
+    for machine, threads in (("numpy", 1), ("numba", 1), ("numba", 2)):
+        sim = Simulator(scenario, machine=choose(machine, threads))
+        sim.step()
+        near = sim.senses._near
+        assert near
+        sim.bodies.x[:], sim.bodies.y[:], sim.bodies.heading[:] = (*places, headings)
+        sim.bodies.moved()  # on a torus some of them are beyond an edge
+        for row, values in enumerate((colours, opinions, ways)):
+            near.share(row, np.arange(60), values)
+        near.step()
+        functions = {each.name: each.many for each in sim.model.functions}
+        for name in (*ASKED[:9], *REDUCED):
+            many = functions[name]
+            assert many
+            results.append(many(sim.robots, some, radii[some]))
+            results.append(many(sim.robots, some, np.full(40, radius), colours[some[::-1]]))
+    found = np.array(results).reshape(3, -1)
+    found[np.isnan(found)] = np.nan  # whatever sign it has
+    by_numpy, *others = found
+    assert all(each.tobytes() == by_numpy.tobytes() for each in others)
 
 
 class TestInExpressions:

@@ -25,16 +25,41 @@ from sleepcast.core.units import LENGTH, NONE, UNITS, Dimension, is_angle
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Flags, Floats
 from sleepcast.simulator.bodies.body import Body, acting
 from sleepcast.simulator.bodies.voronoi import centroids
+from sleepcast.simulator.neighbours.neighbourhood import (
+    ACROSS,
+    ANGLE,
+    AS_IT_IS,
+    AWAY,
+    DIRECTION,
+    DX,
+    DY,
+    FROM_X,
+    FROM_Y,
+    HEADING,
+    LEAST,
+    LOST,
+    MAX_RECENT,
+    MEAN,
+    MOST,
+    NEAREST,
+    ONE,
+    OUTLIER,
+    TOTAL,
+    UP,
+    VALUE,
+    BodyTables,
+    Formula,
+    Neighbourhood,
+    cells_of,
+)
 from sleepcast.simulator.scenario.signals import NeighbourModel
 from sleepcast.simulator.simd.formulas import arc_tangent, rotated, sine_cosine, wrap
 from sleepcast.simulator.sonar.noise import deviates
 from sleepcast.simulator.world.grid import Grid, Sorted, Whole
-from sleepcast.simulator.world.torus import Images, cells_over
+from sleepcast.simulator.world.torus import Images
 
 MAX_PAIRS = 1 << 20
 """Pairs of neighbours processed at once: some hundred megabytes."""
-MAX_RECENT = 4
-"""Sets of pairs that are stored until the tick ends: rules often ask several things about the same neighbours."""
 COLOUR = 0
 """The row of the colours in the table of shared numbers."""
 
@@ -162,6 +187,8 @@ class RangeAndBearing:
         will see in the next one."""
         self._shared[COLOUR] = 0.0
         self._set: Floats = self._shared.copy()
+        tables = (bodies.x, bodies.y, bodies.heading, *bodies.sensed[:3], self._shared, self._set)
+        self._near = Neighbourhood(bodies.scenario, model, bodies.seed, BodyTables(*tables))
         self._reach = min(model.reach, bodies.scenario.width + bodies.scenario.height)
         self._sorted: dict[float, tuple[Grid, Sorted, Images]] = {}
         """All bodies in cells as large as the greatest radius asked for, by that radius."""
@@ -169,7 +196,7 @@ class RangeAndBearing:
         self._measured: tuple[Pairs, tuple[Floats, Floats]] | None = None
         """The cells that were measured last: rules ask for x and y of the same ones."""
         self.functions = (
-            *(_sensing(self, *each) for each in _FORMULAS),
+            *(_sensing(self, *each) for each in _ASKED),
             _ranking(self),
             _sharing(self, "COLOUR", "number", COLOUR, NONE),
             *(each for row, share in enumerate(model.shares.items(), 1) for each in _of_share(self, row, *share)),
@@ -178,6 +205,7 @@ class RangeAndBearing:
     def step(self) -> None:
         """Begin a tick: bodies have moved, and what they set in the last tick can be seen."""
         self._shared[:] = self._set
+        self._near.step(self._bodies.tick)
         self._sorted.clear()
         self._recent.clear()
         self._measured = None
@@ -201,13 +229,23 @@ class RangeAndBearing:
         seen: Floats = self._shared[row, others]
         return seen
 
-    def sense(self, formula: Formula, robots: Whole, radius: Floats, *colour: Floats) -> Floats:
-        """The result of `formula` for each of `robots`, from its neighbours within `radius` (m) and reach. colour: of
-        the neighbours that count, one for each robot; none: all count."""
+    def sense(self, asked: Formula | OverPairs, robots: Whole, radius: Floats, *colour: Floats) -> Floats:
+        """What is `asked`, for each of `robots`, from its neighbours within `radius` (m) and reach. colour: of the
+        neighbours that count, one for each robot; none: all count."""
         radius = np.clip(radius, 0.0, self._reach)
         query = _NeighbourQuery(robots, radius, colour[0] if colour else np.full(robots.size, np.nan))
-        results = [formula(self, each) for each in self._pairs(query)]
+        if isinstance(asked, Formula) and self._bodies.machine.compiles:
+            return self._compiled(asked, query)
+        over = partial(_fold, asked) if isinstance(asked, Formula) else asked
+        results = [over(self, each) for each in self._pairs(query)]
         return np.concatenate(results) if len(results) != 1 else results[0]
+
+    def _compiled(self, formula: Formula, query: _NeighbourQuery) -> Floats:
+        """What a formula comes to, without arrays of pairs."""
+        if formula.frame != AS_IT_IS or self._near.turned:
+            self._bodies.sense(query.robots, sonars=False)
+        vicinity = self._near.vicinity(_reach_of(query.radius), self._bodies.tick, turning=formula.quantity == HEADING)
+        return self._bodies.machine.neighbours(vicinity, formula, *query)
 
     def own_frame(self, robots: Whole) -> Floats:
         """Sensed x (m), y (m) and heading (rad) of these robots, shape (3, robots)."""
@@ -245,7 +283,7 @@ class RangeAndBearing:
         for before, pairs_before in self._recent:
             if before.same(query):
                 return [pairs_before]
-        bodies, reach = self._bodies, float(query.radius.max(initial=0.0)) * (1.0 + 1e-9)
+        bodies, reach = self._bodies, _reach_of(query.radius)
         block = np.zeros(query.robots.size, np.int64)
         if query.robots.size > MAX_PAIRS // bodies.count:
             grid, points, images = self._cells(reach)
@@ -262,8 +300,7 @@ class RangeAndBearing:
     def _cells(self, reach: float) -> tuple[Grid, Sorted, Images]:
         """All bodies, and on a torus their images, in cells of about `reach` m."""
         if reach not in self._sorted:
-            bodies, scenario = self._bodies, self._bodies.scenario
-            cells = cells_over((scenario.width, scenario.height), scenario.around, reach, reach, bodies.count)
+            bodies, cells = self._bodies, cells_of(self._bodies.scenario, self._bodies.count, reach)
             images = cells.images(bodies.x, bodies.y)
             if len(self._sorted) == MAX_RECENT:
                 self._sorted.clear()
@@ -286,7 +323,7 @@ class RangeAndBearing:
             colour = query.colour[robot]
             sensed &= np.isnan(colour) | (colour == self._shared[COLOUR, other])
         if model.loss:
-            drawn = uniform(key(bodies.seed, "neighbour lost", bodies.tick), _tokens(other, first))
+            drawn = uniform(key(bodies.seed, LOST, bodies.tick), _tokens(other, first))
             sensed &= drawn >= model.loss
         pairs = Pairs(query.robots, query.radius, robot, other, dx, dy, away)
         if not sensed.all():
@@ -294,8 +331,8 @@ class RangeAndBearing:
         dx, dy, away = pairs.dx, pairs.dy, pairs.away
         if model.noise:
             size, tokens = model.noise * away, _tokens(pairs.other, first)
-            dx = dx + size * self._normal("neighbour across", tokens)
-            dy = dy + size * self._normal("neighbour up", tokens)
+            dx = dx + size * self._normal(ACROSS, tokens)
+            dy = dy + size * self._normal(UP, tokens)
             away = np.sqrt(dx * dx + dy * dy)
         dx, dy = self._turned(query.robots, pairs.robot, dx, dy)
         return Pairs(query.robots, query.radius, pairs.robot, pairs.other, dx, dy, away)
@@ -304,6 +341,11 @@ class RangeAndBearing:
         """Normal noise of this tick, one number for each token."""
         drawn = np.uint64(key(self._bodies.seed, purpose, self._bodies.tick))
         return deviates(mix(tokens * np.uint64(GOLDEN) + drawn))
+
+
+def _reach_of(radius: Floats) -> float:
+    """The reach of cells for these radii, m: a bit more than the greatest, against rounding."""
+    return float(radius.max(initial=0.0)) * (1.0 + 1e-9)
 
 
 def _tokens(other: Whole, first: Whole) -> NDArray[np.uint64]:
@@ -316,13 +358,24 @@ def _tokens(other: Whole, first: Whole) -> NDArray[np.uint64]:
 DIRECTIONS = ("MEAN_HEADING", "GAP_BEARING")
 """Functions whose values are directions."""
 
-Formula = Callable[[RangeAndBearing, Pairs], Floats]
+OverPairs = Callable[[RangeAndBearing, Pairs], Floats]
 """A number for each robot that asked, from what it senses of its neighbours."""
 
 
-def _mean_heading(near: RangeAndBearing, pairs: Pairs) -> Floats:
-    cosine, sine = near.headings(pairs)
-    return _direction(pairs, cosine, sine)
+def _fold(formula: Formula, near: RangeAndBearing, pairs: Pairs) -> Floats:
+    """What a formula comes to, from pairs."""
+    quantity, fold, frame, row = formula
+    if quantity in (VALUE, ANGLE):
+        values = near.seen(row, pairs.other)
+        given = ~np.isnan(values)
+        pairs, values = pairs.where(given), values[given]
+    else:
+        values = (np.ones(pairs.other.size), pairs.dx, pairs.dy, pairs.away, pairs.away)[quantity]
+    if fold == DIRECTION:
+        cosine, sine = near.headings(pairs) if quantity == HEADING else sine_cosine(wrap(values))[::-1]
+        return _direction(pairs, cosine, sine)
+    found = _FOLDS[fold](pairs, values)
+    return found if frame == AS_IT_IS else near.own_frame(pairs.asked)[frame - FROM_X] + found
 
 
 def _direction(pairs: Pairs, cosine: Floats, sine: Floats) -> Floats:
@@ -332,63 +385,40 @@ def _direction(pairs: Pairs, cosine: Floats, sine: Floats) -> Floats:
     return np.where(known, arc_tangent(y, x), np.nan)
 
 
-def _mean_angle(pairs: Pairs, angles: Floats) -> Floats:
-    """Circular mean of `angles`, one for each pair, rad."""
-    sine, cosine = sine_cosine(wrap(angles))
-    return _direction(pairs, cosine, sine)
-
-
-_FORMULAS: tuple[tuple[str, Dimension, str, Formula], ...] = (
-    ("COUNT", NONE, "How many neighbours are within r.", lambda near, pairs: pairs.count()),
+_FOLDS: dict[int, Callable[[Pairs, Floats], Floats]] = {
+    TOTAL: Pairs.total,
+    MEAN: Pairs.mean,
+    LEAST: Pairs.least,
+    MOST: Pairs.most,
+    NEAREST: Pairs.nearest,
+    OUTLIER: Pairs.outlier,
+}
+_ASKED: tuple[tuple[str, Dimension, str, Formula | OverPairs], ...] = (
+    ("COUNT", NONE, "How many neighbours are within r.", Formula(ONE, TOTAL)),
+    ("MEAN_X", LENGTH, "Mean x of the neighbours within r.", Formula(DX, MEAN, FROM_X)),
+    ("MEAN_Y", LENGTH, "Mean y of the neighbours within r.", Formula(DY, MEAN, FROM_Y)),
     (
-        "MEAN_X",
-        LENGTH,
-        "Mean x of the neighbours within r.",
-        lambda near, pairs: near.own_frame(pairs.asked)[0] + pairs.mean(pairs.dx),
+        "MEAN_HEADING",
+        NONE,
+        "Direction in which the neighbours within r head on average.",
+        Formula(HEADING, DIRECTION),
     ),
-    (
-        "MEAN_Y",
-        LENGTH,
-        "Mean y of the neighbours within r.",
-        lambda near, pairs: near.own_frame(pairs.asked)[1] + pairs.mean(pairs.dy),
-    ),
-    ("MEAN_HEADING", NONE, "Direction in which the neighbours within r head on average.", _mean_heading),
-    (
-        "NEAREST_X",
-        LENGTH,
-        "x of the nearest neighbour within r.",
-        lambda near, pairs: near.own_frame(pairs.asked)[0] + pairs.nearest(pairs.dx),
-    ),
-    (
-        "NEAREST_Y",
-        LENGTH,
-        "y of the nearest neighbour within r.",
-        lambda near, pairs: near.own_frame(pairs.asked)[1] + pairs.nearest(pairs.dy),
-    ),
+    ("NEAREST_X", LENGTH, "x of the nearest neighbour within r.", Formula(DX, NEAREST, FROM_X)),
+    ("NEAREST_Y", LENGTH, "y of the nearest neighbour within r.", Formula(DY, NEAREST, FROM_Y)),
     (
         "NEAREST_DIST",
         LENGTH,
         "Distance of the nearest neighbour within r, from centre to centre.",
-        lambda near, pairs: pairs.least(pairs.away),
+        Formula(AWAY, LEAST),
     ),
-    (
-        "FARTHEST_DIST",
-        LENGTH,
-        "Distance of the farthest neighbour within r.",
-        lambda near, pairs: pairs.most(pairs.away),
-    ),
+    ("FARTHEST_DIST", LENGTH, "Distance of the farthest neighbour within r.", Formula(AWAY, MOST)),
     (
         "OUTLIER_X",
         LENGTH,
         "x of the neighbour within r that is farthest from their mean position.",
-        lambda near, pairs: near.own_frame(pairs.asked)[0] + pairs.outlier(pairs.dx),
+        Formula(DX, OUTLIER, FROM_X),
     ),
-    (
-        "OUTLIER_Y",
-        LENGTH,
-        "y of that neighbour.",
-        lambda near, pairs: near.own_frame(pairs.asked)[1] + pairs.outlier(pairs.dy),
-    ),
+    ("OUTLIER_Y", LENGTH, "y of that neighbour.", Formula(DY, OUTLIER, FROM_Y)),
     (
         "CELL_X",
         LENGTH,
@@ -414,34 +444,23 @@ _FORMULAS: tuple[tuple[str, Dimension, str, Formula], ...] = (
         lambda near, pairs: pairs.widest_gap()[1],
     ),
 )
-"""Name, dimension of the result, description and formula."""
+"""Name, dimension of the result, description, and what is asked."""
 
 
 def _of_share(near: RangeAndBearing, row: int, name: str, unit: str) -> Iterator[HostFunction]:
     """The functions of one shared number."""
     dimension = UNITS[unit].dimension if unit else NONE
     yield _sharing(near, f"SHARE_{name.upper()}", name, row, dimension)
-    reductions: tuple[tuple[str, str, Callable[[Pairs, Floats], Floats]], ...] = (
-        ("MEAN", "Mean", _mean_angle if is_angle(unit) else Pairs.mean),
-        ("SUM", "Sum", Pairs.total),
-        ("LEAST", "Least", Pairs.least),
-        ("MOST", "Greatest", Pairs.most),
-        ("NEAREST", "Nearest neighbour's", Pairs.nearest),
+    reductions = (
+        ("MEAN", "Mean", (ANGLE, DIRECTION) if is_angle(unit) else (VALUE, MEAN)),
+        ("SUM", "Sum", (VALUE, TOTAL)),
+        ("LEAST", "Least", (VALUE, LEAST)),
+        ("MOST", "Greatest", (VALUE, MOST)),
+        ("NEAREST", "Nearest neighbour's", (VALUE, NEAREST)),
     )
-    for prefix, word, reduce in reductions:
+    for prefix, word, how in reductions:
         doc = f"{word} {name} among the neighbours within r that share one."
-        yield _sensing(near, f"{prefix}_{name.upper()}", dimension, doc, _over_share(row, reduce), unit)
-
-
-def _over_share(row: int, reduce: Callable[[Pairs, Floats], Floats]) -> Formula:
-    """The formula that reduces one shared number over the neighbours that share it."""
-
-    def formula(near: RangeAndBearing, pairs: Pairs) -> Floats:
-        values = near.seen(row, pairs.other)
-        given = ~np.isnan(values)
-        return reduce(pairs.where(given), values[given])
-
-    return formula
+        yield _sensing(near, f"{prefix}_{name.upper()}", dimension, doc, Formula(*how, row=row), unit)
 
 
 def _sharing(near: RangeAndBearing, name: str, argument: str, row: int, dimension: Dimension) -> HostFunction:
@@ -451,15 +470,15 @@ def _sharing(near: RangeAndBearing, name: str, argument: str, row: int, dimensio
 
 
 def _sensing(
-    near: RangeAndBearing, name: str, dimension: Dimension, doc: str, formula: Formula, unit: str = ""
+    near: RangeAndBearing, name: str, dimension: Dimension, doc: str, asked: Formula | OverPairs, unit: str = ""
 ) -> HostFunction:
     """A function of a radius, and of a colour if one is given. unit: see `HostFunction`."""
 
     def many(bodies: object, robots: Whole, *columns: Floats) -> Floats:
-        return near.sense(formula, robots, *columns)
+        return near.sense(asked, robots, *columns)
 
     def call(body: Body, *arguments: float) -> float:
-        return float(near.sense(formula, np.array([body.number]), *(np.array([each]) for each in arguments))[0])
+        return float(near.sense(asked, np.array([body.number]), *(np.array([each]) for each in arguments))[0])
 
     return HostFunction(
         name,

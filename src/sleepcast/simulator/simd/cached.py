@@ -31,9 +31,9 @@ ROOM_NAME = __name__.rpartition(".simd.")[0]
 ROOM = Path(__file__).resolve().parent.parent
 SOURCES = (
     *("*/kernels*.py", "simd/*.py"),
-    *("motion/driving.py", "motion/steps.py", "world/walls.py"),
+    *("neighbours/neighbourhood.py", "motion/driving.py", "motion/steps.py", "world/walls.py"),
     *("sonar/noise.py", "sonar/crosstalk.py", "sonar/fields.py"),
-    "../core/counter_rng.py",
+    *("../core/angles.py", "../core/counter_rng.py"),
 )
 """Kernels, and the modules with their constants, formulas and named tuples."""
 SETTINGS = "NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "NUMBA_ENABLE_AVX", "NUMBA_OPT"

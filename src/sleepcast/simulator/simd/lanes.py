@@ -241,3 +241,39 @@ def forecast(typing, array, place):
         return context.get_dummy_value()
 
     return types.void(array, LONG), generate
+
+
+# ---- single numbers, by the address of their array: for kernels that are told where everything lies in one table
+
+
+def _loader(kind: Any) -> Any:
+    """Loads the number of this kind at an index of the array at an address."""
+
+    @intrinsic
+    def load(typing, address, index):
+        def generate(context, build, signature, given):
+            pointer = build.inttoptr(given[0], context.get_data_type(kind).as_pointer())
+            return build.load(build.gep(pointer, [given[1]]))
+
+        return kind(types.int64, types.int64), generate
+
+    return load
+
+
+def _storer(kind: Any) -> Any:
+    """Stores a number of this kind there."""
+
+    @intrinsic
+    def store(typing, address, index, value):
+        def generate(context, build, signature, given):
+            pointer = build.inttoptr(given[0], context.get_data_type(kind).as_pointer())
+            build.store(given[2], build.gep(pointer, [given[1]]))
+            return context.get_dummy_value()
+
+        return types.void(types.int64, types.int64, kind), generate
+
+    return store
+
+
+real_at, long_at, whole_at = (_loader(kind) for kind in (types.float64, types.int64, types.int32))
+put_real, put_long, put_whole = (_storer(kind) for kind in (types.float64, types.int64, types.int32))

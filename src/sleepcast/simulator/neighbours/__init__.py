@@ -1,0 +1,1 @@
+"""What robots sense of each other, without arrays of pairs: one table for compiled code, and the kernels."""

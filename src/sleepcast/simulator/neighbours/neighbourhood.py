@@ -1,0 +1,249 @@
+"""The table of a neighbourhood: where everything lies that robots sense of each other, for compiled code.
+
+Compiled code (`kernels_neighbours`) gets one address and finds all else in the table there, so that it can be called
+from Python and from the native code of rules alike. A `Vicinity` is one radius with all bodies sorted into its cells;
+what is asked about the bodies within it is a `Formula`: a quantity of each neighbour, and how all of these are folded
+into one number.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.core.counter_rng import key
+from sleepcast.simulator.scenario.scenario import Scenario
+from sleepcast.simulator.scenario.signals import NeighbourModel
+from sleepcast.simulator.world.grid import Floats
+from sleepcast.simulator.world.torus import PLAIN, Cells, cells_over
+
+# What a neighbour is asked for.
+ONE, DX, DY, AWAY, HEADING, VALUE, ANGLE = range(7)
+# How the answers of all neighbours become one number.
+TOTAL, MEAN, LEAST, MOST, NEAREST, DIRECTION, OUTLIER = range(7)
+# Whose own place is added to it: none's, or the x or y of the robot that asks.
+AS_IT_IS, FROM_X, FROM_Y = range(3)
+
+
+class Formula(NamedTuple):
+    """A number from what a robot senses of its neighbours.
+
+    quantity: 1, the x or y of the vector to the neighbour, its length, its heading, the number of `row` that it shares,
+        or that number as an angle
+    fold: total, mean, least, most, that of the nearest one, direction of the sum of unit vectors, or that of the one
+        farthest from the mean place
+    frame: whether the robot's own x or y is added
+    row: of the table of shared numbers
+    """
+
+    quantity: int
+    fold: int
+    frame: int = AS_IT_IS
+    row: int = 0
+
+
+class Near(IntEnum):
+    """The words of the table of a neighbourhood, 64 bits each: numbers of things, addresses of arrays and, where it is
+    said, numbers with a point. Arrays have one number for each robot."""
+
+    COUNT = 0
+    """Robots."""
+    X = 1
+    Y = 2
+    HEADING = 3
+    SENSED_X = 4
+    SENSED_Y = 5
+    SENSED_HEADING = 6
+    SHARED = 7
+    """What neighbours see in this tick: rows of numbers, colours first."""
+    SHARED_NEXT = 8
+    SHARES = 9
+    """Numbers of all its rows together."""
+    TURNED = 10
+    """Whether robots may sense another heading than their true one."""
+    TORUS = 11
+    WIDTH = 12
+    """Of the torus, m, with a point; so is the height."""
+    HEIGHT = 13
+    LOSS = 14
+    """With a point, as the noise."""
+    NOISE = 15
+    LOST_KEY = 16
+    """Keys of chance in this tick."""
+    ACROSS_KEY = 17
+    UP_KEY = 18
+    COSINE = 19
+    """Of the true headings."""
+    SINE = 20
+    TURNING = 21
+    """Whether cosines and sines are wanted."""
+    VICINITIES = 22
+    """Vicinities to be kept up to date; their addresses follow from FIRST on."""
+    FIRST = 23
+
+
+class Of(IntEnum):
+    """The words of the table of a vicinity."""
+
+    NEAR = 0
+    """Address of the table of its neighbourhood."""
+    STALE = 1
+    """Whether bodies have moved since they were sorted."""
+    REACH = 2
+    """m, with a point; so are size and margin."""
+    SIZE = 3
+    COLUMNS = 4
+    ROWS = 5
+    MARGIN = 6
+    X = 7
+    """Places of all points: bodies and, on a torus, their images."""
+    Y = 8
+    WHOSE = 9
+    """The body of each point, int32, as all that follows but for the sorted places."""
+    CELL = 10
+    START = 11
+    """First of the sorted points of each cell; with room for two more cells."""
+    ORDER = 12
+    """The sorted points, their bodies and their places."""
+    SORTED_WHOSE = 13
+    SORTED_X = 14
+    SORTED_Y = 15
+
+
+LOST, ACROSS, UP = "neighbour lost", "neighbour across", "neighbour up"
+"""What is drawn by chance for each pair in each tick."""
+MAX_VICINITIES = 16
+"""Radii of one run at most that are kept up to date for native code."""
+
+
+class BodyTables(NamedTuple):
+    """What robots sense of each other rests on these arrays, one number a robot, float64.
+
+    x, y, heading: true pose, m and rad
+    sensed_x, sensed_y, sensed_heading: the pose that the robot senses
+    shared, following: what neighbours see in this tick, and in the next one; shape (rows, robots), colours first
+    """
+
+    x: Floats
+    y: Floats
+    heading: Floats
+    sensed_x: Floats
+    sensed_y: Floats
+    sensed_heading: Floats
+    shared: Floats
+    following: Floats
+
+
+class Vicinity:
+    """All bodies around each one up to one radius. reach: m, with a margin for rounding."""
+
+    def __init__(self, near: Neighbourhood, count: int, cells: Cells, reach: float) -> None:
+        grid, torus = cells.grid, cells.around != PLAIN
+        doubling = 2.0 * reach <= min(cells.around)  # then each axis has an image of a body at most
+        points = count * (1 if not torus else 4 if doubling else 9)
+        self._places = np.empty((4, points))
+        self._indices = np.empty((4, points), np.int32)
+        self._start = np.empty(grid.cells + 2, np.int32)
+        self.table = np.zeros(len(Of), np.int64)
+        table, reals = self.table, self.table.view(np.float64)
+        reals[Of.REACH], reals[Of.SIZE], reals[Of.MARGIN] = reach, grid.size, cells.margin[0]
+        table[Of.NEAR], table[Of.STALE] = near.address, 1
+        table[Of.COLUMNS], table[Of.ROWS], table[Of.START] = grid.columns, grid.rows, self._start.ctypes.data
+        places = (row.ctypes.data for row in self._places)
+        table[Of.X], table[Of.Y], table[Of.SORTED_X], table[Of.SORTED_Y] = places
+        indices = (row.ctypes.data for row in self._indices)
+        table[Of.WHOSE], table[Of.CELL], table[Of.ORDER], table[Of.SORTED_WHOSE] = indices
+        self.address = self.table.ctypes.data
+
+
+class Neighbourhood:
+    """The tables of all bodies of a scenario. seed: of the run."""
+
+    def __init__(self, scenario: Scenario, model: NeighbourModel, seed: int, tables: BodyTables) -> None:
+        count = len(tables.x)
+        self._scenario, self._seed, self._count = scenario, seed, count
+        self._turns: Floats = np.empty((2, count))
+        self.turned = bool(scenario.noise or scenario.robots.wheels or scenario.sorts)
+        """Whether robots may sense another heading than their true one."""
+        self.table = np.zeros(Near.FIRST + MAX_VICINITIES, np.int64)
+        self.address = self.table.ctypes.data
+        self._passing: dict[float, Vicinity] = {}
+        self._kept: dict[float, Vicinity] = {}
+        self._arrays = (*tables, *self._turns)
+        words = (
+            *(Near.X, Near.Y, Near.HEADING, Near.SENSED_X, Near.SENSED_Y, Near.SENSED_HEADING),
+            *(Near.SHARED, Near.SHARED_NEXT, Near.COSINE, Near.SINE),
+        )
+        for word, array in zip(words, self._arrays, strict=True):
+            self.table[word] = array.ctypes.data
+        self.table[Near.COUNT], self.table[Near.SHARES] = count, tables.shared.size
+        self.table[Near.TURNED], self.table[Near.TORUS] = self.turned, scenario.around != PLAIN
+        reals = self.table.view(np.float64)
+        reals[Near.WIDTH], reals[Near.HEIGHT] = scenario.around
+        reals[Near.LOSS], reals[Near.NOISE] = model.loss, model.noise
+        self.chancy = bool(model.loss or model.noise)
+        """Whether chance has a part in what robots sense."""
+        self._drawn = -1
+
+    def step(self, tick: int) -> None:
+        """Bodies have moved."""
+        self._draw(tick)
+        self._passing.clear()
+        for vicinity in list(self._kept.values()):
+            vicinity.table[Of.STALE] = 1
+
+    def _draw(self, tick: int) -> None:
+        """Set the keys of chance of this tick."""
+        if self.chancy and self._drawn != tick:
+            keys = [key(self._seed, purpose, tick) for purpose in (LOST, ACROSS, UP)]
+            self.table[Near.LOST_KEY : Near.UP_KEY + 1].view(np.uint64)[:] = keys
+            self._drawn = tick
+
+    def vicinity(self, reach: float, tick: int, *, turning: bool) -> Vicinity:
+        """The vicinity of this reach (m) in this tick, to be prepared. turning: whether headings are asked for."""
+        self._draw(tick)
+        self._want(turning)
+        vicinity = self._kept.get(reach) or self._passing.get(reach)
+        if vicinity is None:
+            if len(self._passing) == MAX_RECENT:
+                self._passing.clear()
+            vicinity = self._passing[reach] = self._made(reach)
+        return vicinity
+
+    def keep(self, reach: float, *, turning: bool) -> Vicinity | None:
+        """The vicinity of this reach, kept up to date from now on; None if there are too many."""
+        self._want(turning)
+        vicinity = self._kept.get(reach)
+        if vicinity is None and len(self._kept) < MAX_VICINITIES:
+            vicinity = self._kept[reach] = self._made(reach)
+            self.table[Near.FIRST + self.table[Near.VICINITIES]] = vicinity.address
+            self.table[Near.VICINITIES] += 1
+        return vicinity
+
+    def _want(self, turning: bool) -> None:
+        """Have cosines and sines of headings computed from now on, if they are asked for."""
+        if turning and not self.table[Near.TURNING]:
+            self.table[Near.TURNING] = 1
+            for vicinity in (*self._kept.values(), *self._passing.values()):
+                vicinity.table[Of.STALE] = 1
+
+    def _made(self, reach: float) -> Vicinity:
+        return Vicinity(self, self._count, cells_of(self._scenario, self._count, reach), reach)
+
+
+MAX_RECENT = 4
+"""Radii, and sets of pairs, that are stored until the tick ends: rules often ask several things about the same
+neighbours."""
+
+
+def cells_of(scenario: Scenario, count: int, reach: float) -> Cells:
+    """Cells of about `reach` m for so many bodies, and on a torus their images."""
+    return cells_over((scenario.width, scenario.height), scenario.around, reach, reach, count)
+
+
+def question(vicinity: Vicinity, formula: Formula) -> NDArray[np.int64]:
+    """The table of one question, for native code: the address of a vicinity, and a formula."""
+    return np.array([vicinity.address, *formula], np.int64)

@@ -4,9 +4,9 @@ commands that a scenario offers."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, Protocol
 
 from sleepcast.core.units import Dimension, dimension_of
 
@@ -62,6 +62,64 @@ class NamedArea:
         return len(self.sizes) == 3
 
 
+class NativeCall(NamedTuple):
+    """How native code calls a function that only senses, robot by robot; addresses.
+
+    call: of `double f(void *context, int64_t robot, double argument, ...)`, which gives NaN for unknown
+    context: of what it is given first
+    prepare: of `void f(void *)`, to be called with `senses` before the first call after bodies have moved; a second
+        time it does nothing
+    begin: the same, and that a tick has begun: what `step` of the simulator's senses does for this function. 0 where
+        only Python can begin a tick
+    senses: of what these two are given; one for many functions
+    owner: keeps alive what lies at these addresses
+    """
+
+    call: int
+    context: int
+    prepare: int
+    begin: int
+    senses: int
+    owner: object
+
+
+class NativeForm(Protocol):
+    """The native form of a function that only senses. arguments: the numbers that are the same in every call, None for
+    others."""
+
+    def takes(self, arguments: Sequence[float | None], /) -> bool:
+        """Whether it may be called with these."""
+
+    def bound(self, arguments: Sequence[float | None], /) -> NativeCall | None:
+        """How it is called with these from now on, for all robots; None where that cannot be compiled. May take long,
+        and may be called from any thread."""
+
+
+class BodyColumn(NamedTuple):
+    """An array of a body's simulator, one element of one or eight bytes a robot. name: tells it from others."""
+
+    name: str
+    values: Any
+
+
+class Writing(NamedTuple):
+    """What an acting function writes of a robot: nothing else, nothing that robots can sense before the next tick, and
+    where the robot is not stopped nothing can refuse it.
+
+    into: the column
+    argument: the number of the argument that is written, None for `value`
+    unless: flags of the robots of which nothing is written, None for none
+    low, high: between which the argument is brought first, as `numpy.clip` does
+    """
+
+    into: BodyColumn
+    argument: int | None = None
+    value: float = 0.0
+    unless: BodyColumn | None = None
+    low: float = -math.inf
+    high: float = math.inf
+
+
 @dataclass(frozen=True, slots=True)
 class HostFunction:
     """A function of the robot's own software.
@@ -76,6 +134,8 @@ class HostFunction:
     irreversible: whether it cannot be undone, so that a desk asks for how many robots it is meant.
     moves: whether it moves the robot's body, if it acts.
     unit: in which people read the value, where its dimension does not say that: "deg" for a direction.
+    native: how native code calls it, if it only senses; None where it cannot.
+    writes: all that it does, if it acts and does no more than that; its value is 1.
     """
 
     name: str
@@ -91,6 +151,8 @@ class HostFunction:
     irreversible: bool = False
     moves: bool = True
     unit: str = ""
+    native: NativeForm | None = field(default=None, compare=False)
+    writes: tuple[Writing, ...] = field(default=(), compare=False)
 
     @property
     def usage(self) -> str:

@@ -27,7 +27,7 @@ from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.model import RestState
 from sleepcast.core.threads import ThreadPool
 from sleepcast.fleet.authority import FleetAuthority
-from sleepcast.fleet.bodies import FleetBodies
+from sleepcast.fleet.bodies import FleetBodies, ManyBodies
 from sleepcast.fleet.inspection import (
     EvaluationLog,
     FleetTelemetry,
@@ -349,7 +349,7 @@ class Fleet(Mapping[str, RobotView]):
         self.state = FleetState(vocabulary, numbers, seed)
         self.minds = Minds(vocabulary)
         self.outbox = Outbox(self.state, self.names)
-        self.kernels = Kernels(pool=pool) if native and available() else None
+        self.kernels = Kernels(pool=pool, calls=isinstance(bodies, ManyBodies)) if native and available() else None
         self.memory = FleetMemory(self.state, self.minds, self.outbox, bodies, self.kernels)
         self.evaluation_log = EvaluationLog(self.memory)
         self.authority = FleetAuthority(self.state, tells=tells, lease=lease)

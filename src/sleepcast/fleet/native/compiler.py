@@ -24,14 +24,16 @@ from numpy.typing import NDArray
 
 from sleepcast.columns.values import Column, Rows
 from sleepcast.core.code_cache import CodeCache
+from sleepcast.core.errors import SleepcastError
+from sleepcast.core.model import BodyColumn, HostFunction, NativeCall
 from sleepcast.core.threads import ThreadPool, borders
 from sleepcast.fleet.native import libm
 from sleepcast.fleet.native.assembly import Assembly
-from sleepcast.fleet.native.lowering import Addresses, Lowering, enters
-from sleepcast.fleet.native.symbols import Meaning, Size
+from sleepcast.fleet.native.lowering import ELEMENTS, Addresses, Lowering, enters, kind_of
+from sleepcast.fleet.native.symbols import Meaning, Size, is_called
 from sleepcast.fleet.state import FleetState
 from sleepcast.language.acts import FLAGS
-from sleepcast.language.parts import walk
+from sleepcast.language.parts import host_of, walk
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import TICK, TIME_SLOT
 
@@ -48,19 +50,6 @@ GRAIN = 64
 ABSENT, THERE, TROUBLED = range(3)
 """States of a robot in `part`: it takes no part; it does; it met something exceptional and has to be walked."""
 
-_ELEMENTS = {
-    "slot": ("double", 8),
-    "value": ("double", 8),
-    "keys": ("i64", 8),
-    "draws": ("i32", 4),
-    "steps": ("i16", 2),
-    "part": ("i8", 1),
-    "group": ("i8", 1),
-    "acted": ("i8", 1),
-    "fresh": ("i8", 1),
-}
-"""The LLVM type and bytes of an element of each kind of column."""
-
 Entry: TypeAlias = tuple[str, int | str]
 """One entry of the code's address table: a kind of column and which one, such as its slot, or `tick` or `time`."""
 
@@ -74,12 +63,22 @@ class ResultColumns(NamedTuple):
 
 
 class Writer:
-    """Writes the text of one loop. counted: whether the steps of each program are stored."""
+    """Writes the text of one loop. counted: whether the steps of each program are stored. calls: see `is_native`.
 
-    def __init__(self, programs: Sequence[Program], names: Meaning, lanes: int, counted: bool) -> None:
+    bodies: the columns of bodies that the code uses, by name. acting: the functions that write them. called: the
+    functions that it calls, each with the constants among its arguments.
+    """
+
+    def __init__(self, programs: Sequence[Program], names: Meaning, lanes: int, counted: bool, calls: bool) -> None:
         self.a = Assembly(lanes)
         self.entries: dict[Entry, int] = {}
-        self._programs, self._names, self._counted = programs, names, counted
+        self.called: list[tuple[HostFunction, tuple[float | None, ...]]] = []
+        self._programs, self._names, self._counted, self._calls = programs, names, counted, calls
+        self.acting = _acting(programs, names) if calls else []
+        written = {each.into.name: each.into for function in self.acting for each in function.writes}
+        flags = [each.unless for function in self.acting for each in function.writes if each.unless is not None]
+        self._written_bodies = written
+        self.bodies: dict[str, BodyColumn] = written | {flag.name: flag for flag in flags}
         self._base = ""
 
     def text(self) -> str:
@@ -125,10 +124,13 @@ class Writer:
 
     def _body(self, lanes: str, bad: str) -> None:
         a = self.a
-        columns = Addresses(a, self._read)
+        columns = Addresses(a, self._read, self._call)
         for slot in _written(self._programs, self._names):
             columns.written[slot] = (a.cell(a.real, self._read("slot", slot, a.real)), a.cell(a.truth, a.no))
-        low = Lowering(a, columns, self._names)
+        for name, column in self._written_bodies.items():
+            kind = self._vector(kind_of(column))
+            columns.moved[name] = (a.cell(kind, self._read(kind_of(column), name, kind)), a.cell(a.truth, a.no))
+        low = Lowering(a, columns, self._names, calls=self._calls)
         chancy = any(program.chancy for program in _all(self._programs, self._names))
         if chancy:
             low.drawn = a.cell(a.whole, self._read("draws", "", a.whole))
@@ -146,6 +148,9 @@ class Writer:
             self._keep("slot", slot, a.get(value, a.real), a.both(well, a.get(where, a.truth)))
             if slot in columns.actuators:
                 self._keep("acted", slot, a.integer("i8", 1), a.both(well, a.get(where, a.truth)))
+        for name, (value, where) in columns.moved.items():
+            kind = kind_of(self.bodies[name])
+            self._keep(kind, name, a.get(value, self._vector(kind)), a.both(well, a.get(where, a.truth)))
         if chancy:
             self._keep("draws", "", a.get(low.drawn, a.whole), well)
         for number, (value, matched, steps) in enumerate(results):
@@ -157,6 +162,16 @@ class Writer:
             self._count(number, a.both(well, a.get(matched, a.truth)))
             if steps:
                 self._keep("steps", number, a.convert("trunc", a.whole, a.get(steps, a.whole), a.short), well)
+
+    def _call(
+        self, function: HostFunction, constants: tuple[float | None, ...], numbers: Sequence[str], mask: str
+    ) -> str:
+        """The results of a function of the robots' own software that only senses, called lane by lane."""
+        if (function, constants) not in self.called:
+            self.called.append((function, constants))
+        which = self.called.index((function, constants))
+        function_at, context = self._pointer("function", which), self._pointer("context", which)
+        return self.a.call_each(function_at, context, self._base, numbers, mask)
 
     def _give(self, column: str, value: str, mask: str) -> None:
         """Write a column that has not been written yet."""
@@ -187,7 +202,7 @@ class Writer:
             a.put(self._at(column, which), kind, a.select(mask, value, old, kind))
 
     def _vector(self, column: str) -> str:
-        return self.a.vector(_ELEMENTS[column][0])
+        return self.a.vector(ELEMENTS[column][0])
 
     def _read(self, column: str, which: int | str, kind: str) -> str:
         """The lanes of a column, or one number in all of them."""
@@ -199,7 +214,7 @@ class Writer:
         return a.get(self._at(column, which), kind)
 
     def _at(self, column: str, which: int | str) -> str:
-        return self.a.at(self._pointer(column, which), _ELEMENTS[column][0], self._base)
+        return self.a.at(self._pointer(column, which), ELEMENTS[column][0], self._base)
 
     def _pointer(self, column: str, which: int | str) -> str:
         return f"%p{self.entries.setdefault((column, which), len(self.entries))}"
@@ -208,11 +223,19 @@ class Writer:
 class Kernel:
     """The native code of some programs in sequence, for robots on which their names have the same meaning."""
 
-    def __init__(self, programs: Sequence[Program], names: Meaning, lanes: int, *, counted: bool = True) -> None:
-        writer = Writer(programs, names, lanes, counted)
+    def __init__(
+        self, programs: Sequence[Program], names: Meaning, lanes: int, *, counted: bool = True, calls: bool = False
+    ) -> None:
+        writer = Writer(programs, names, lanes, counted, calls)
         text = writer.text()
+        self._bodies = writer.bodies
+        self.called = [_bound(*each) for each in writer.called]
+        """How the functions are called that it calls."""
+        self.functions = {function.name for function, _ in writer.called} | {each.name for each in writer.acting}
+        """The names of the robots' own functions in it."""
+        self._prepared = sorted({(each.prepare, each.senses) for each in self.called})
         self._entries, self._count = list(writer.entries), len(programs)
-        sizes = [Size(program, names) for program in programs]
+        sizes = [Size(program, names, calls=calls) for program in programs]
         self.lanes, self.parts = lanes, sum(size.parts for size in sizes)
         self.steps = [size.steps for size in sizes]
         """Largest number of steps of each program."""
@@ -225,6 +248,10 @@ class Kernel:
         self._bound: list[object] = []
         self._table = np.zeros(len(self._entries) + 1, np.int64)
         self._address = self._table.ctypes.data
+        for number, (column, which) in enumerate(self._entries):
+            if column in ("function", "context") and isinstance(which, int):
+                call = self.called[which]
+                self._table[number] = call.call if column == "function" else call.context
 
     def run(
         self,
@@ -251,6 +278,8 @@ class Kernel:
                 reals[number] = when[which == TIME_SLOT]
             elif column == "tick":
                 self._table[number] = int(when[0])
+        for prepare, senses in self._prepared:
+            PREPARE(prepare)(senses)
         if (stop - start) * self.parts < SPLIT:
             return bool(self._call(start, stop, state.count, self._address))
 
@@ -270,11 +299,12 @@ class Kernel:
         nobody = np.zeros(state.count, np.bool_)
         arrays = []
         for number, (column, which) in enumerate(self._entries):
-            if column in ("tick", "time"):
+            if column in ("tick", "time", "function", "context"):
                 continue
-            array = _array(state, part, sinks, column, which)
+            body = column in ("body", "body_real") and isinstance(which, str)
+            array = self._bodies[str(which)].values if body else _array(state, part, sinks, column, which)
             array = nobody if array is None else array
-            if not array.flags.c_contiguous or array.itemsize != _ELEMENTS[column][1] or array.size != state.count:
+            if not array.flags.c_contiguous or array.itemsize != ELEMENTS[column][1] or array.size != state.count:
                 return False
             self._table[number] = array.ctypes.data
             arrays.append(array)
@@ -288,7 +318,13 @@ def _array(
     """A column of the table, None for a group without members."""
     if isinstance(which, str):
         by_name: dict[str, NDArray[np.generic] | None]
-        by_name = {"part": part, "keys": state.keys, "draws": state.draws, "group": state.groups.get(which)}
+        by_name = {
+            "part": part,
+            "keys": state.keys,
+            "draws": state.draws,
+            "held": state.held,
+            "group": state.groups.get(which),
+        }
         return by_name[column]
     if column == "slot":
         return state.own(which)
@@ -296,6 +332,21 @@ def _array(
         return state.assigned(which)
     sink = sinks[which]
     return sink.value if column == "value" else sink.fresh if column == "fresh" else sink.steps
+
+
+PREPARE = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
+"""The type of what prepares the robots' senses for calls."""
+
+
+class UncompiledError(SleepcastError):
+    """A function that native code was to call cannot be compiled on this computer, so that its rules are walked."""
+
+
+def _bound(function: HostFunction, constants: tuple[float | None, ...]) -> NativeCall:
+    call = None if function.native is None else function.native.bound(constants)
+    if call is None:
+        raise UncompiledError(f"{function.name} has no native code here")
+    return call
 
 
 def moment(state: FleetState, rows: Rows) -> tuple[float, float] | None:
@@ -314,6 +365,12 @@ def moment(state: FleetState, rows: Rows) -> tuple[float, float] | None:
 def _all(programs: Sequence[Program], names: Meaning) -> list[Program]:
     """The programs, and those that they enter."""
     return [*programs, *(meant for meant in names.values() if isinstance(meant, Program))]
+
+
+def _acting(programs: Sequence[Program], names: Meaning) -> list[HostFunction]:
+    """The acting functions that native code of programs does itself."""
+    parts = [part for program in _all(programs, names) for part in walk(program.root) if part.op == "host"]
+    return [function for function in map(host_of, filter(is_called, parts)) if function.acts]
 
 
 def _written(programs: Sequence[Program], names: Meaning) -> list[int]:

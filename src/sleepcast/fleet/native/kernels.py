@@ -21,7 +21,7 @@ from sleepcast.columns.values import Column, Rows
 from sleepcast.core.arrays import filled
 from sleepcast.core.threads import ThreadPool
 from sleepcast.fleet.evaluation import FleetEvaluation
-from sleepcast.fleet.native.compiler import LANES, THERE, TROUBLED, Kernel, ResultColumns, moment
+from sleepcast.fleet.native.compiler import LANES, THERE, TROUBLED, Kernel, ResultColumns, UncompiledError, moment
 from sleepcast.fleet.native.symbols import Name, Size, meaning, name_of
 from sleepcast.fleet.state import FleetState, Mind
 from sleepcast.language.parts import walk
@@ -55,12 +55,12 @@ class SequencePlan:
     steps: upper bound of the steps that the rules use in a tick
     """
 
-    def __init__(self, keys: tuple[str, ...], rules: tuple[Rule, ...]) -> None:
+    def __init__(self, keys: tuple[str, ...], rules: tuple[Rule, ...], *, calls: bool) -> None:
         self.keys, self.rules = keys, rules
         self.rounds, self.version = 0, -1
         self.legs: tuple[Leg, ...] = ()
         self.native = False
-        self.sizes = [Size(program, dict(names)) for program, names in rules]
+        self.sizes = [Size(program, dict(names), calls=calls) for program, names in rules]
         self.steps = sum(size.steps for size in self.sizes)
 
     def pieces(self) -> Iterator[tuple[Rule, ...]]:
@@ -83,11 +83,12 @@ class Kernels:
     """The native code of a fleet's programs.
 
     hot: see `HOT`; with 0 nothing that could be native is ever walked, because evaluation waits for the code. pool:
-    the threads that share large amounts of work.
+    the threads that share large amounts of work. calls: whether rules may call the robots' own functions, because the
+    bodies of the fleet are those that the functions are of.
     """
 
-    def __init__(self, hot: int = HOT, pool: ThreadPool | None = None) -> None:
-        self._hot, self._pool = hot, pool or ThreadPool(THREADS)
+    def __init__(self, hot: int = HOT, pool: ThreadPool | None = None, *, calls: bool = False) -> None:
+        self._hot, self._pool, self._calls = hot, pool or ThreadPool(THREADS), calls
         self._plans: dict[tuple[tuple[str, ...], tuple[Rule, ...]], SequencePlan] = {}
         self._of_mind: WeakKeyDictionary[Mind, SequencePlan] = WeakKeyDictionary()
         self._rules: dict[tuple[Rule, ...], Future[Kernel]] = {}
@@ -105,7 +106,7 @@ class Kernels:
             rules = tuple((rule.program, frozenset(meaning([rule.program], mind).items())) for rule in mind.running)
             if len(self._plans) >= MAX_KERNELS:
                 self._plans.clear()
-            plan = self._plans.setdefault((mind.sequence, rules), SequencePlan(mind.sequence, rules))
+            plan = self._plans.setdefault((mind.sequence, rules), SequencePlan(mind.sequence, rules, calls=self._calls))
             self._of_mind[mind] = plan
         plan.rounds += 1
         if plan.rounds == max(self._hot, 1):
@@ -122,7 +123,8 @@ class Kernels:
         for piece in plan.pieces():
             if piece not in self._rules:
                 names = {name: meant for _, some in piece for name, meant in some}
-                made = self._maker.submit(Kernel, [program for program, _ in piece], names, lanes(state))
+                programs = [program for program, _ in piece]
+                made = self._maker.submit(Kernel, programs, names, lanes(state), calls=self._calls)
                 self._rules[piece] = made
                 made.add_done_callback(self._count)
         if self._hot == 0:
@@ -203,7 +205,7 @@ class Kernels:
     def settle(self) -> None:
         """Wait until all requested code is compiled."""
         for code in (*self._rules.values(), *self._texts.values()):
-            if isinstance(code, Future):
+            if isinstance(code, Future) and not isinstance(code.exception(), UncompiledError):
                 code.result()
 
 

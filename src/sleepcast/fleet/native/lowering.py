@@ -7,31 +7,50 @@ a walk can do - marks its lanes as trouble; whatever the code computes there aft
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import inf
+from typing import TypeAlias
 
+from sleepcast.core.model import BodyColumn, HostFunction
 from sleepcast.fleet.native import formulas
 from sleepcast.fleet.native.assembly import Assembly
-from sleepcast.fleet.native.symbols import Meaning, entered, is_native
+from sleepcast.fleet.native.symbols import Meaning, constants, entered, is_native
 from sleepcast.language.acts import FLAGS
 from sleepcast.language.numerics import GOLDEN, MASK, UNIT
-from sleepcast.language.parts import Part, walk
+from sleepcast.language.parts import Part, host_of, walk
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Variable, VariableKind
 
 LIGHT = 3
 """Parts at most that are computed even if not needed, rather than skipped."""
+ELEMENTS = {
+    "slot": ("double", 8),
+    "value": ("double", 8),
+    "keys": ("i64", 8),
+    "draws": ("i32", 4),
+    "steps": ("i16", 2),
+    "part": ("i8", 1),
+    "group": ("i8", 1),
+    "acted": ("i8", 1),
+    "fresh": ("i8", 1),
+    "held": ("i8", 1),
+    "body": ("i8", 1),
+    "body_real": ("double", 8),
+}
+"""The LLVM type and bytes of an element of each kind of column."""
 _FIRST, _SECOND = 0xBF58_476D_1CE4_E5B9, 0x94D0_49BB_1331_11EB
 
 
 class Addresses:
     """The addresses of columns that the code uses, created as needed.
 
-    read: gives the lanes of a column. `written` holds the cells of slots that the code assigns: their new values,
-    and in which lanes.
+    read: gives the lanes of a column. call: calls a robots' own function. `written` holds the cells of slots that the
+    code assigns: their new values, and in which lanes; `moved` those of columns of bodies, by name.
     """
 
-    def __init__(self, a: Assembly, read: Callable[[str, int | str, str], str]) -> None:
-        self.a, self.read = a, read
+    def __init__(self, a: Assembly, read: Callable[[str, int | str, str], str], call: Call) -> None:
+        self.a, self.read, self.call = a, read, call
         self.written: dict[int, tuple[str, str]] = {}
+        self.moved: dict[str, tuple[str, str]] = {}
         self.actuators: set[int] = set()
 
     def slot(self, slot: int) -> str:
@@ -46,12 +65,28 @@ class Addresses:
         a.put(cell, a.real, a.select(mask, value, a.get(cell, a.real)))
         a.put(where, a.truth, a.either(a.get(where, a.truth), mask))
 
+    def write(self, column: BodyColumn, value: str, mask: str) -> None:
+        """Write lanes of a column of bodies, at the end of the round."""
+        a, kind = self.a, self.a.vector(ELEMENTS[kind_of(column)][0])
+        cell, where = self.moved[column.name]
+        a.put(cell, kind, a.select(mask, value, a.get(cell, kind), kind))
+        a.put(where, a.truth, a.either(a.get(where, a.truth), mask))
+
+
+Call: TypeAlias = Callable[[HostFunction, tuple[float | None, ...], Sequence[str], str], str]
+"""Calls a function: with the constants among its arguments, all of them, and the lanes that do."""
+
+
+def kind_of(column: BodyColumn) -> str:
+    """The kind of column, of `ELEMENTS`, for the elements of a body's column."""
+    return "body" if column.values.itemsize == 1 else "body_real"
+
 
 class Lowering:
     """Writes the code of one program after the other. drawn: the cell with the number of draws in this tick."""
 
-    def __init__(self, a: Assembly, columns: Addresses, names: Meaning) -> None:
-        self.a, self._columns, self._names = a, columns, names
+    def __init__(self, a: Assembly, columns: Addresses, names: Meaning, *, calls: bool) -> None:
+        self.a, self._columns, self._names, self._calls = a, columns, names, calls
         self.trouble = a.cell(a.truth, a.no)
         self.drawn = ""
         self.matched = self.steps = ""
@@ -78,7 +113,7 @@ class Lowering:
     def value(self, part: Part, mask: str) -> str:
         """The values of a part in the lanes of the mask, with all its side effects."""
         a = self.a
-        if not is_native(part, self._names, self._depth, self._levels):
+        if not is_native(part, self._names, self._depth, self._levels, self._calls):
             return self._give_up(mask)
         match part.op:
             case "const":
@@ -170,6 +205,47 @@ class Lowering:
         result = formulas.FORMULAS[name](a, numbers, a.both(known, mask))
         self._in_trouble(a.both(known, self._unknown(a.binary("fsub", a.real, result, result))), mask)
         return a.select(known, result, a.nan)
+
+    # ---- the robots' own functions
+
+    def _host(self, part: Part, mask: str) -> str:
+        """As `FleetMemory.host`: what acts is refused for an unknown argument and while the robot is held."""
+        a, function = self.a, host_of(part)
+        numbers = [self.value(each, mask) for each in part.parts]
+        known = a.yes
+        for number in numbers:
+            known = a.both(known, a.compare("ord", number, number))
+        if function.acts:
+            held = a.emit(f"icmp ne {a.byte} {self._columns.read('held', '', a.byte)}, {a.integer('i8', 0)}")
+            self._in_trouble(a.either(a.neither(known), held), mask)
+            self._act(function, numbers, mask)
+            return a.one
+        value = self._columns.call(function, constants(part), numbers, a.both(known, mask))
+        finite = a.neither(self._unknown(a.binary("fsub", a.real, value, value)))
+        return a.select(a.both(known, finite), value, a.nan)
+
+    def _act(self, function: HostFunction, numbers: Sequence[str], mask: str) -> None:
+        """Write what an acting function writes."""
+        a = self.a
+        for writing in function.writes:
+            free, kind = mask, kind_of(writing.into)
+            if writing.unless is not None:
+                flags = self._columns.read(kind_of(writing.unless), writing.unless.name, a.byte)
+                free = a.both(mask, a.emit(f"icmp eq {a.byte} {flags}, {a.integer('i8', 0)}"))
+            if writing.argument is not None:
+                value = self._clipped(numbers[writing.argument], writing.low, writing.high)
+            else:
+                value = a.number(writing.value) if kind == "body_real" else a.integer("i8", int(writing.value))
+            self._columns.write(writing.into, value, free)
+
+    def _clipped(self, value: str, low: float, high: float) -> str:
+        """The value within bounds; what equals one stays as it is, 0 or -0."""
+        a = self.a
+        if low > -inf:
+            value = a.select(a.compare("olt", value, a.number(low)), a.number(low), value)
+        if high < inf:
+            value = a.select(a.compare("ogt", value, a.number(high)), a.number(high), value)
+        return value
 
     # ---- branches
 
@@ -349,7 +425,7 @@ class Lowering:
 
 def weight(part: Part) -> int:
     """Approximate cost of a part, in the unit of `LIGHT`."""
-    heavy = {"prob", "random", "gauss", "dice", "dotimes", "fetch", "call", "in"}
+    heavy = {"host", "prob", "random", "gauss", "dice", "dotimes", "fetch", "call", "in"}
     total = 0
     for inside in walk(part):
         costly = inside.op in heavy or (inside.op == "pure" and inside.function.name in formulas.COSTLY)

@@ -12,7 +12,7 @@ from typing import TypeAlias
 from sleepcast.fleet.state import Mind
 from sleepcast.language.acts import FLAGS
 from sleepcast.language.evaluate import MAX_DEPTH, MAX_LEVELS
-from sleepcast.language.parts import Part, walk
+from sleepcast.language.parts import Part, host_of, walk
 from sleepcast.language.program import MAX_STEPS, Program
 from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, Variable, VariableKind
@@ -72,11 +72,14 @@ def entered(part: Part, names: Meaning) -> Program | None:
     return program
 
 
-def is_native(part: Part, names: Meaning, depth: int, levels: int) -> bool:
+def is_native(part: Part, names: Meaning, depth: int, levels: int, calls: bool) -> bool:
     """Whether native code supports a part itself; if not, robots that reach it are walked.
 
     depth, levels: nesting of entered programs, and of parentheses in them.
+    calls: whether it may call the robots' own functions.
     """
+    if part.op == "host":
+        return calls and is_called(part)
     if part.op in ("fetch", "call"):
         inside = entered(part, names)
         if inside is None:
@@ -91,6 +94,24 @@ def is_native(part: Part, names: Meaning, depth: int, levels: int) -> bool:
     return part.op in _NATIVE or (part.op == "act" and part.name in FLAGS)
 
 
+def is_called(part: Part) -> bool:
+    """Whether native code can call the robots' own function of a `host` part.
+
+    A robot whose rules are native runs all of them before the next robot runs its first one; walked, all robots run
+    one rule after the other. That is the same because such a function reads nothing that one writes in the same tick:
+    see `Writing`.
+    """
+    function = host_of(part)
+    if function.acts:
+        return bool(function.writes)
+    return function.native is not None and function.native.takes(constants(part))
+
+
+def constants(part: Part) -> tuple[float | None, ...]:
+    """The arguments of a part, None for those that are not the same in every evaluation."""
+    return tuple(each.number if each.op == "const" else None for each in part.parts)
+
+
 class Size:
     """The size of a program including everything that it enters.
 
@@ -99,8 +120,8 @@ class Size:
     hopeless: every evaluation reaches something that is not native
     """
 
-    def __init__(self, program: Program, names: Meaning) -> None:
-        self._names = names
+    def __init__(self, program: Program, names: Meaning, *, calls: bool = False) -> None:
+        self._names, self._calls = names, calls
         self.parts, self.steps, self.hopeless = 0, 0, False
         self._enter(program, 1, True, 0, program.height)
 
@@ -111,7 +132,7 @@ class Size:
 
     def _look(self, part: Part, times: int, always: bool, depth: int, levels: int) -> None:
         self.parts += 1
-        native = is_native(part, self._names, depth, levels)
+        native = is_native(part, self._names, depth, levels, self._calls)
         self.hopeless |= always and not native
         repeated = times * int(part.number) if part.op == "dotimes" else times
         if repeated:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from sleepcast.core.errors import SleepcastError
-from sleepcast.core.model import HostFunction, Quantity, RestState
+from sleepcast.core.model import BodyColumn, HostFunction, Quantity, RestState, Writing
 from sleepcast.core.units import LENGTH, NONE, RATE, SPEED, Dimension
 from sleepcast.robot import Geometry, Reading, RobotModel, Setpoint
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Floats, Mode, Saying, Whole
@@ -22,6 +22,7 @@ from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.sensors import sonar_sensors
 from sleepcast.simulator.scenario.signals import signal_constants
 from sleepcast.simulator.simd.formulas import shortest
+from sleepcast.simulator.world.torus import PLAIN
 
 TUMBLE = 67.0 * pi / 180.0
 """Angle of a tumble, to one side or the other, as of Hoskins's vehicles."""
@@ -236,6 +237,27 @@ def _lacking(scenario: Scenario, functions: tuple[HostFunction, ...]) -> tuple[H
     return tuple(replace(function, many=None) for function in functions) if scenario.sorts else functions
 
 
+def _writes(bodies: Bodies) -> dict[str, tuple[Writing, ...]]:
+    """What those functions write that do nothing else, by name. Bodies move in the next tick, so nobody senses it in
+    this one."""
+    stopped, mode = BodyColumn("stopped", bodies.stopped), BodyColumn("mode", bodies.mode)
+    speed, turn = BodyColumn("wanted_speed", bodies.wanted_speed), BodyColumn("wanted_turn", bodies.wanted_turn)
+    driving = Writing(mode, value=float(Mode.DRIVE), unless=stopped)
+    left, bottom, right, top = bodies.fence
+    going = (
+        Writing(mode, value=float(Mode.GOTO), unless=stopped),
+        Writing(BodyColumn("target_x", bodies.target_x), 0, unless=stopped, low=left, high=right),
+        Writing(BodyColumn("target_y", bodies.target_y), 1, unless=stopped, low=bottom, high=top),
+    )
+    resting = (driving, Writing(speed, unless=stopped), Writing(turn, unless=stopped))
+    return {
+        "DRIVE": (driving, Writing(speed, 0, unless=stopped), Writing(turn, 1, unless=stopped)),
+        "GOTO": going if bodies.scenario.around == PLAIN else (),  # around a torus, points are divided by its size
+        "WANDER": (Writing(mode, value=float(Mode.WANDER), unless=stopped),),
+        "ST": (*resting, Writing(BodyColumn("swing", bodies.swing))),
+    }
+
+
 def model_of(
     scenario: Scenario,
     bodies: Bodies,
@@ -246,6 +268,7 @@ def model_of(
     robots = scenario.robots
     speed, turn = robots.limits.speed, robots.limits.turn_rate
     wheels = NOMAD_FUNCTIONS if scenario.nomad else WHEEL_FUNCTIONS
+    writes = _writes(bodies)
     return RobotModel(
         robots.type,
         sensors=(*bodies.sensors, *(sonar_sensors(robots.ring, scenario.length_unit) if robots.ring else ())),
@@ -255,7 +278,7 @@ def model_of(
             *actuators,
         ),
         functions=(
-            *FUNCTIONS,
+            *(replace(each, writes=writes.get(each.name, ())) for each in FUNCTIONS),
             *_lacking(scenario, wheels if robots.wheels else ()),
             *_lacking(scenario, SONAR_FUNCTIONS if robots.geometry.sonars else ()),
             *functions,

@@ -8,8 +8,8 @@ no result depends on the order of the robots. Walls do not hide neighbours.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 from math import ceil, inf
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from sleepcast.core.angles import CANCELLED
 from sleepcast.core.counter_rng import GOLDEN, key, mix, uniform
-from sleepcast.core.model import HostFunction
+from sleepcast.core.model import BodyColumn, HostFunction, NativeCall, Writing
 from sleepcast.core.units import LENGTH, NONE, UNITS, Dimension, is_angle
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Flags, Floats
 from sleepcast.simulator.bodies.body import Body, acting
@@ -51,8 +51,10 @@ from sleepcast.simulator.neighbours.neighbourhood import (
     Formula,
     Neighbourhood,
     cells_of,
+    question,
 )
 from sleepcast.simulator.scenario.signals import NeighbourModel
+from sleepcast.simulator.simd.addresses import addresses
 from sleepcast.simulator.simd.formulas import arc_tangent, rotated, sine_cosine, wrap
 from sleepcast.simulator.sonar.noise import deviates
 from sleepcast.simulator.world.grid import Grid, Sorted, Whole
@@ -219,10 +221,10 @@ class RangeAndBearing:
         that is shared."""
         self._set[row, robots] = values
 
-    def colours(self) -> Floats:
-        """The colour that each robot shows from the next tick on."""
-        colours: Floats = self._set[COLOUR]
-        return colours
+    def following(self, row: int) -> Floats:
+        """What each robot shows from the next tick on."""
+        following: Floats = self._set[row]
+        return following
 
     def seen(self, row: int, others: Whole) -> Floats:
         """What these robots show."""
@@ -246,6 +248,20 @@ class RangeAndBearing:
             self._bodies.sense(query.robots, sonars=False)
         vicinity = self._near.vicinity(_reach_of(query.radius), self._bodies.tick, turning=formula.quantity == HEADING)
         return self._bodies.machine.neighbours(vicinity, formula, *query)
+
+    def bound(self, formula: Formula, arguments: Sequence[float | None]) -> NativeCall | None:
+        """How native code asks for a formula with these arguments; see `NativeForm`."""
+        code = addresses()
+        if code is None or arguments[0] is None:
+            return None
+        radius = np.clip(np.array([arguments[0]]), 0.0, self._reach)
+        vicinity = self._near.keep(_reach_of(radius), turning=formula.quantity == HEADING)
+        if vicinity is None:
+            return None
+        asked = question(vicinity, formula, float(radius[0]))
+        call = code["ask_one" if len(arguments) == 1 else "ask_coloured"]
+        begin = 0 if self._near.chancy else code["begin"]
+        return NativeCall(call, asked.ctypes.data, code["prepare"], begin, self._near.address, (self._near, asked))
 
     def own_frame(self, robots: Whole) -> Floats:
         """Sensed x (m), y (m) and heading (rad) of these robots, shape (3, robots)."""
@@ -466,7 +482,8 @@ def _of_share(near: RangeAndBearing, row: int, name: str, unit: str) -> Iterator
 def _sharing(near: RangeAndBearing, name: str, argument: str, row: int, dimension: Dimension) -> HostFunction:
     """A function that shares a number with the neighbours."""
     doc = f"Shows this {argument} to the neighbours from the next tick on."
-    return acting(name, dimension, argument, doc, partial(near.share, row))
+    function = acting(name, dimension, argument, doc, partial(near.share, row))
+    return replace(function, writes=(Writing(BodyColumn(f"shared {row}", near.following(row)), 0),))
 
 
 def _sensing(
@@ -484,6 +501,7 @@ def _sensing(
         name,
         call,
         (LENGTH, NONE),
+        native=_Constant(near, asked) if isinstance(asked, Formula) else None,
         least=1,
         arguments="r [colour]",
         result=dimension,
@@ -492,6 +510,20 @@ def _sensing(
         many=many,
         unit=unit or ("deg" if name in DIRECTIONS else ""),
     )
+
+
+class _Constant:
+    """The native form of a formula, for one radius of all robots alone: on it depends in which order neighbours are
+    added up, and so the last bit of a sum."""
+
+    def __init__(self, near: RangeAndBearing, formula: Formula) -> None:
+        self._near, self._formula = near, formula
+
+    def takes(self, arguments: Sequence[float | None]) -> bool:
+        return arguments[0] is not None
+
+    def bound(self, arguments: Sequence[float | None]) -> NativeCall | None:
+        return self._near.bound(self._formula, arguments)
 
 
 def _ranking(near: RangeAndBearing) -> HostFunction:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from sleepcast.core.counter_rng import key, uniform
 from sleepcast.simulator.bodies.bodies import Bodies, Floats
 from sleepcast.simulator.bodies.local_fields import LocalFields
-from sleepcast.simulator.bodies.range_and_bearing import RangeAndBearing
+from sleepcast.simulator.bodies.range_and_bearing import COLOUR, RangeAndBearing
 from sleepcast.simulator.bodies.stocks import Stocks
 from sleepcast.simulator.scenario.groups import seeing
 from sleepcast.simulator.scenario.signals import FRONT, LIGHT_NAMES, PING_NAMES, REAR, PingModel
@@ -63,7 +63,7 @@ class Senses:
 
     def colours(self) -> NDArray[np.float64]:
         """The colour that each robot shows to its neighbours; of none where nobody senses neighbours."""
-        return np.zeros(0) if self._near is None else self._near.colours()
+        return np.zeros(0) if self._near is None else self._near.following(COLOUR)
 
     def amount(self, field: str) -> Floats | None:
         """See `LocalFields.amount`."""

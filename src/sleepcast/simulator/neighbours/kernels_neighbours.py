@@ -30,10 +30,12 @@ from sleepcast.simulator.neighbours.neighbourhood import (
 )
 from sleepcast.simulator.simd.compiled import part, strict
 from sleepcast.simulator.simd.formulas import arc_tangent, sine_cosine, wrap
-from sleepcast.simulator.simd.lanes import long_at, put_long, put_real, put_whole, real_at, whole_at
+from sleepcast.simulator.simd.lanes import long_at, put_long, put_real, put_whole, real_at, stack_room, whole_at
 from sleepcast.simulator.sonar.kernels import GOLDEN, U, cells_around, deviate, mixed
 
 I = np.int32  # noqa: E741  # as short as U
+AT_ONCE = 128
+"""Neighbours that are found before something is asked about them."""
 (
     COUNT,
     PLACE_X,
@@ -199,16 +201,18 @@ def ask_many(vicinity, quantity, fold, frame, row, robots, radius, colour, first
 
 
 @strict
-def ask_one(question, robot, radius):
-    """What a `neighbourhood.question` comes to for one robot."""
-    return ask_coloured(question, robot, radius, nan)
+def ask_one(question, robot, _):
+    """What a `neighbourhood.question` comes to for one robot. _: the radius as it was written; the question has it
+    within the reach of the sensor."""
+    return ask_coloured(question, robot, _, nan)
 
 
 @strict
-def ask_coloured(question, robot, radius, colour):
+def ask_coloured(question, robot, _, colour):
     """The same of neighbours of one colour."""
     vicinity, quantity, fold = long_at(question, 0), long_at(question, 1), long_at(question, 2)
-    return ask(vicinity, quantity, fold, long_at(question, 3), long_at(question, 4), robot, radius, colour)
+    frame, row = long_at(question, 3), long_at(question, 4)
+    return ask(vicinity, quantity, fold, frame, row, robot, real_at(question, 5), colour)
 
 
 @part
@@ -255,14 +259,26 @@ def gather(vicinity, quantity, fold, row, robot, radius, colour, middle_x, middl
         sensed = real_at(long_at(near, SENSED_HEADING), robot)
         sine, cosine = sine_cosine(wrap(sensed - real_at(long_at(near, TRUE_HEADING), robot)))
     found, other_found, count, best = 0.0, 0.0, 0.0, -inf
-    low, high, left, right = cells_around(own_x, own_y, size, columns, long_at(vicinity, ROWS), reach)
-    for line in range(low, high):
-        for k in range(whole_at(start, line * columns + left), whole_at(start, line * columns + right)):
-            dx, dy = real_at(sorted_x, k) - own_x, real_at(sorted_y, k) - own_y
-            square = dx * dx + dy * dy
-            if square > reach * reach or whole_at(order, k) == robot:
-                continue
-            away, other = sqrt(square), np.int64(whole_at(whose, k))
+    line, high, left, right = cells_around(own_x, own_y, size, columns, long_at(vicinity, ROWS), reach)
+    room, k = stack_room(AT_ONCE), np.int64(whole_at(start, line * columns + left))
+    while line < high:
+        taken = 0
+        while line < high and taken < AT_ONCE:
+            stop = whole_at(start, line * columns + right)
+            end = min(stop, k + AT_ONCE - taken)
+            for each in range(k, end):
+                dx, dy = real_at(sorted_x, each) - own_x, real_at(sorted_y, each) - own_y
+                # Written whether it counts or not, and then overwritten: faster than a branch that is hard to predict.
+                put_long(room, taken, each)
+                taken += (dx * dx + dy * dy <= reach * reach) & (whole_at(order, each) != robot)
+            k = end
+            if k == stop:
+                line += 1
+                k = np.int64(whole_at(start, min(line, high - 1) * columns + left))
+        for index in range(taken):
+            at = long_at(room, index)
+            dx, dy = real_at(sorted_x, at) - own_x, real_at(sorted_y, at) - own_y
+            away, other = sqrt(dx * dx + dy * dy), np.int64(whole_at(whose, at))
             if away > radius or (coloured and real_at(shared, other) != colour):
                 continue
             if loss > 0.0 or noise > 0.0:

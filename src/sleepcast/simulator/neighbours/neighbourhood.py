@@ -244,6 +244,7 @@ def cells_of(scenario: Scenario, count: int, reach: float) -> Cells:
     return cells_over((scenario.width, scenario.height), scenario.around, reach, reach, count)
 
 
-def question(vicinity: Vicinity, formula: Formula) -> NDArray[np.int64]:
-    """The table of one question, for native code: the address of a vicinity, and a formula."""
-    return np.array([vicinity.address, *formula], np.int64)
+def question(vicinity: Vicinity, formula: Formula, radius: float) -> NDArray[np.int64]:
+    """The table of one question, for native code: the address of a vicinity, a formula, and the radius (m, with a
+    point)."""
+    return np.array([vicinity.address, *formula, np.float64(radius).view(np.int64)], np.int64)

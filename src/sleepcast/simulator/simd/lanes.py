@@ -275,5 +275,17 @@ def _storer(kind: Any) -> Any:
     return store
 
 
+@intrinsic
+def stack_room(typing, count):
+    """The address of room for so many (a constant) 64-bit numbers, until the kernel ends."""
+    size = count.literal_value if isinstance(count, types.IntegerLiteral) else None
+
+    def generate(context, build, signature, given):
+        room = cgutils.alloca_once(build, ir.ArrayType(ir.IntType(64), size))
+        return build.ptrtoint(room, ir.IntType(64))
+
+    return (types.int64(count), generate) if size else None
+
+
 real_at, long_at, whole_at = (_loader(kind) for kind in (types.float64, types.int64, types.int32))
 put_real, put_long, put_whole = (_storer(kind) for kind in (types.float64, types.int64, types.int32))

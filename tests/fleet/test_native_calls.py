@@ -1,0 +1,133 @@
+"""Rules that call functions of the robots' own software: native code does what a walk does, bit for bit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sleepcast.core.threads import ThreadPool
+from sleepcast.fleet.native.kernels import Kernels, available
+from sleepcast.loop import Swarm
+from sleepcast.simulator import Changes, Scenario, find_scenario, load
+from sleepcast.simulator.engine import has_numba
+from small_worlds import write
+from swarms import desk_of, seen, swarm_of
+
+pytestmark = pytest.mark.skipif(
+    not (available() and has_numba()), reason="such code needs llvmlite and numba, the extra `fast`"
+)
+
+SHARES = '[neighbours.shares]\nopinion = ""\nway = "deg"\n'
+CROWD = (
+    ("count = 20", "count = {count}"),
+    ('width = "1km"\nheight = "1km"', 'width = "450m"\nheight = "420m"\n{edge}'),
+    ('x = "500m"', 'x = "300m"'),
+)
+ERRORS = {"exact": "", "wrong": "loss = 0.2\nnoise = 0.1\n"}
+SENSES = (
+    "(COUNT 90m)", "(MEAN_X 90m)", "(MEAN_Y 60m)", "(MEAN_HEADING 60m)", "(NEAREST_X 90m 2)", "(NEAREST_Y 90m)",
+    "(NEAREST_DIST 60m)", "(FARTHEST_DIST 200m)", "(OUTLIER_X 90m)", "(OUTLIER_Y 90m 1)", "(COUNT 60m (MOD id 3))",
+    "(MEAN_OPINION 90m)", "(SUM_OPINION 90m)", "(LEAST_OPINION 60m)", "(MOST_WAY 60m)", "(NEAREST_WAY 90m)",
+    "(MEAN_WAY 90m)", "(COUNT -1m)", "(COUNT (* 1 90m))",
+)  # fmt: skip
+ACTS = (
+    "(DRIVE {a} {b})", "(ST)", "(WANDER)", "(COLOUR {a})", "(SHARE_OPINION {a})", "(SHARE_WAY {b})", "(GOTO {a} {b})",
+    "(TUMBLE)", "(SETQ drive_speed {a})",
+)  # fmt: skip
+
+
+def swarm(scenario: Scenario, native: bool, threads: int = 1) -> Swarm:
+    """A swarm whose rules are all native from the first tick on, or all walked."""
+    made = swarm_of(scenario, threads=threads)
+    kernels = Kernels(hot=0, pool=ThreadPool(threads), calls=True) if native else None
+    made.fleet.kernels = made.fleet.memory.kernels = kernels
+    return made
+
+
+def called(swarm: Swarm) -> set[str]:
+    """The functions that sense and that native code of this swarm calls."""
+    kernels = swarm.fleet.kernels
+    assert kernels
+    plans = kernels._of_mind.values()
+    writers = [leg.kernel for plan in plans for leg in plan.legs if leg.kernel]
+    return {name for kernel in writers for name in kernel.functions}
+
+
+@pytest.mark.parametrize(
+    ("name", "robots", "functions"),
+    [
+        ("vicsek", 60, {"COUNT", "MEAN_HEADING", "DRIVE"}),
+        ("best-of-n", 40, {"COUNT", "COLOUR", "GOTO"}),
+        ("couzin", 30, {"COUNT", "MEAN_X", "MEAN_Y", "MEAN_HEADING", "DRIVE"}),
+        ("beeclust", 20, None),
+        ("energy", 30, None),
+        ("shepherding", None, None),
+    ],
+)
+def test_a_scenario_of_the_gallery_is_the_same(name: str, robots: int | None, functions: set[str] | None) -> None:
+    scenario = find_scenario(name, Changes(robots=robots) if robots else Changes())
+    found = []
+    for native in (False, True):
+        run = swarm(scenario, native)
+        for _ in range(60):
+            run.step()
+        found.append(seen(run))
+        assert not (native and functions) or called(run) == functions
+    assert found[0] == found[1]
+
+
+@st.composite
+def rules(draw: st.DrawFn) -> list[str]:
+    """Rules that sense neighbours and act, some of them with what may be unknown."""
+    made = []
+    for number in range(draw(st.integers(1, 3))):
+        a, b, c = (draw(st.sampled_from(SENSES)) for _ in range(3))
+        act = draw(st.sampled_from(ACTS))
+        first = f"(/ {a} 50)" if "DRIVE" in act or "speed" in act else a
+        body = act.format(a=first, b=f"(/ {b} 9)")
+        made.append(f"(RULE r{number} (IF (> {c} {draw(st.sampled_from((0, 1, 100)))}) {body} (COLOUR (MOD id 3))))")
+    return made
+
+
+@pytest.mark.parametrize("errors", ERRORS)
+@pytest.mark.parametrize("edge", ["", 'edge = "torus"'])
+@given(texts=rules(), count=st.sampled_from([3, 30]), threads=st.integers(1, 2))
+@settings(max_examples=5, deadline=None)
+def test_random_rules_are_the_same(
+    edge: str, errors: str, texts: list[str], count: int, threads: int, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """Also where they fault, and where a robot is stopped, asleep, or released again."""
+    changes = [(old, new.format(count=count, edge=edge)) for old, new in CROWD]
+    more = f'\n[neighbours]\nreach = "200m"\n{ERRORS[errors]}{SHARES}'
+    scenario = load(write(tmp_path_factory.mktemp("world"), *changes, more=more))
+    found = []
+    for native in (False, True):
+        run = swarm(scenario, native, threads)
+        desk = desk_of(run)
+        for text in ("(COLOUR (MOD id 3))", "(WHEN (< id 9) (SHARE_OPINION (- id 5)) (SHARE_WAY (* id 40)))", *texts):
+            desk.send(text, everybody=True)
+        for tick in range(12):
+            if tick == 5:
+                desk.send("(WHEN (= (MOD id 4) 1) (FREEZE))", everybody=True)
+                desk.stop()
+            if tick == 8:
+                desk.release()
+            run.step()
+        found.append(seen(run))
+    assert found[0] == found[1]
+
+
+def test_a_robot_that_would_act_on_what_is_unknown_is_walked_and_reports(tmp_path: Path) -> None:
+    more = f'\n[neighbours]\nreach = "200m"\n{SHARES}'
+    scenario = load(write(tmp_path, more=more))
+    run = swarm(scenario, native=True)
+    desk_of(run).send("(RULE far (PROGN (DRIVE 2 1) (COLOUR (NEAREST_X 0m))))", everybody=True)
+    for _ in range(4):
+        run.step()
+    assert called(run) == {"DRIVE", "COLOUR", "NEAREST_X"}
+    assert set(run.fleet.state.dropped.tolist()) == {4}
+    assert run.simulator.bodies.wanted_speed.tolist() == [2.0] * 20
+    assert not run.simulator.colours()

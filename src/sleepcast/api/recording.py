@@ -19,7 +19,7 @@ from sleepcast.api.session_test import sent_commands
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message_batch import MessageBatch
 from sleepcast.core.errors import MisuseError
-from sleepcast.core.ticks import Every, nearest_ticks
+from sleepcast.core.ticks import Every
 from sleepcast.core.version import VERSION
 from sleepcast.fleet.failing import MAX_FAILING, RECENT, failing_rules
 from sleepcast.fleet.marks import GroupCodes, flags_of
@@ -50,8 +50,6 @@ from sleepcast.simulator.recording.recorder import (
 from sleepcast.station import Command, Station
 from sleepcast.station.account import values_in_words
 
-PICTURES_PER_SECOND = 10.0
-"""Pictures in a second of a person's time, when the scenario runs at its own speed: motion is seen as such."""
 TICKS_PER_PICTURE = 10
 """Ticks between two pictures at least, unless others are asked for: more would cost more than the run itself."""
 PICTURES_PER_READING = 10
@@ -242,7 +240,7 @@ class RecordingWitness:
 def periods(scenario: Scenario, wanted: RecordingPlan) -> tuple[Every, Every]:
     """When pictures are due, and when readings."""
     tick = scenario.tick
-    usual = max(TICKS_PER_PICTURE, nearest_ticks(scenario.speed_up / PICTURES_PER_SECOND, tick)) * tick
+    usual = scenario.ticks_of_picture(TICKS_PER_PICTURE) * tick
     pictures = usual if wanted.pictures is None else wanted.pictures
     readings = PICTURES_PER_READING * pictures if wanted.readings is None else wanted.readings
     return Every(pictures, tick), Every(readings, tick)

@@ -29,8 +29,6 @@ from sleepcast.loop.rerun import InputLog
 from sleepcast.loop.snapshots import SwarmCopy, copy_of
 from sleepcast.station import Station
 
-PICTURES_PER_SECOND = 10.0
-"""Pictures in a second of a person's time, when the scenario runs at its own speed."""
 TICKS_PER_PICTURE = 5
 """Ticks between two pictures at least: more pictures would cost more than the ticks."""
 HEARD = 20
@@ -53,7 +51,7 @@ class LivePast(Past):
         self._accounts = AccountTable(station, view, others=view.desks[1:])
         self._rows: dict[str, CommandRow] = {}
         self._groups = GroupCodes()
-        self._every = max(TICKS_PER_PICTURE, round(scenario.speed_up / PICTURES_PER_SECOND / scenario.tick))
+        self._every = scenario.ticks_of_picture(TICKS_PER_PICTURE)
         self._size = self._of_other = self._of_rows = 0
         """Bytes of pictures, of those that only the alternate run has, and of accounts."""
         self._posted = False

@@ -17,6 +17,7 @@ from sleepcast.core.extensions import extensions
 from sleepcast.core.given_numbers import MAX_SEED
 from sleepcast.core.model import NamedArea, ReadyCommand
 from sleepcast.core.settings import SettingsError, Table, checked_name, toml_document
+from sleepcast.core.ticks import nearest_ticks
 from sleepcast.core.units import LENGTH, SPEED, TIME
 from sleepcast.robot import BodyConstant
 from sleepcast.simulator.scenario.areas import read_areas
@@ -72,6 +73,9 @@ MAX_QUEUED = 10_000
 """Messages queued for one transmitter: at one per second, three hours."""
 MAX_PLACES = 32
 """Places of one world: each is two variables on every robot."""
+PICTURES_PER_SECOND = 10.0
+"""Pictures that are kept of a second of a person's time, when a scenario runs at its own speed: motion is seen as
+such."""
 MAX_COMMANDS = 32
 """Ready-made commands: as many as a page can offer without endless scrolling."""
 
@@ -172,6 +176,10 @@ class Scenario:
         """How often a command that everybody must hear is said at once: the radio sends each once, and may lose it."""
         loss = self.radio.loss
         return 1 if loss <= MISSED else min(MAX_REPEATS, ceil(log(MISSED) / log(min(loss, 0.99))))
+
+    def ticks_of_picture(self, least: int) -> int:
+        """Ticks from one kept picture to the next, at least so many."""
+        return max(least, nearest_ticks(self.speed_up / PICTURES_PER_SECOND, self.tick))
 
     @property
     def around(self) -> Around:

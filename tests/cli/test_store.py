@@ -133,9 +133,7 @@ def test_kill_at_any_moment_lets_nothing_be_done_twice(channel: str, tmp_path: P
     found = journal(store)
     assert set(Counter((robot, command) for robot, command, _ in found).values()) == {1}
     assert {outcome for _, command, outcome in found if command in standing} <= {"matched", "interrupted"}
-    # What counts for some seconds may be late; if it is very late, as on a busy machine, a robot takes the clock of its
-    # sender for wrong, and that is a fault.
-    assert {outcome for _, _, outcome in found} <= {"matched", "interrupted", "late", "fault"}
+    assert {outcome for _, _, outcome in found} <= {"matched", "interrupted", "late"}, "what counts for seconds"
     for name in NAMES:
         assert [command for robot, command, _ in found if robot == name and command in standing] == standing
 

@@ -119,6 +119,26 @@ def test_old_commands_that_are_played_again_say_nothing_of_a_clock_that_was_good
     assert not scene.fleet["r0"].body.driven
 
 
+def test_a_robot_that_listened_before_it_could_hear_takes_old_commands_for_late_and_no_clock_for_wrong() -> None:
+    """What came during a long start is read at once, the oldest first."""
+    scene = Scene(robots=1)
+    desk = scene.desk()
+    before = len(scene.sent)
+    scene.isolate("r0")
+    early = desk.send("(DRIVE 1)", everybody=True)
+    scene.run(1.0)
+    recorded = scene.sent[before:]
+    scene.clock.advance(20.0)
+    scene.join("r0")
+    for datagram in recorded:
+        scene.fly("stranger", datagram)
+    now = desk.send("(DRIVE 0)", everybody=True)
+    scene.run(1.0)
+    assert desk.accounting(early.id).faults == {"r0": "heard after its deadline, so not evaluated"}
+    assert desk.accounting(now.id).n_matched == 1
+    assert scene.admission("r0").clocks.of_operators() == []
+
+
 def test_nobody_makes_a_robot_talk_by_playing_old_commands() -> None:
     """At most `UNTIMELY_A_SECOND` answers a second, each to a message that was not answered yet."""
     scene = Scene(robots=1)

@@ -355,10 +355,16 @@ class Admission:
         self._timely.clear()
 
     def turned_away(self) -> list[Message]:
-        """Messages of senders who may command us that were dropped because of their times, since the last call."""
-        messages = list(self._turned_away)
+        """Messages of senders who may command us that were dropped because of their times, since the last call. An old
+        one is just late if something timely of its sender has come, before or after it."""
+        right, messages = self._clock.now() - _TIMELY, list(self._turned_away)
         self._turned_away.clear()
-        return messages
+        return [
+            msgspec.structs.replace(
+                message, late=message.ahead < 0.0 and self._timely.get(message.sender, -inf) >= right
+            )
+            for message in messages
+        ]
 
     def _second_objection(self, key: PublicKey, part: Fragment, piece: Piece) -> DropReason | None:
         if piece.fleet != self.fleet:

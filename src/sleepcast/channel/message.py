@@ -121,6 +121,7 @@ class Message(msgspec.Struct, frozen=True, dict=True):
     ahead: s by which its sender's clock is ahead of the receiver's, 0 if by no more than is allowed; a message with
         another value only shows that its sender is there
     key: id of the key that signed it, in hexadecimal digits; "" where nobody signs
+    late: whether it only came late: its sender's clock is right, whatever `ahead` says
     """
 
     sender: str
@@ -136,6 +137,7 @@ class Message(msgspec.Struct, frozen=True, dict=True):
     heard: float | None = None
     ahead: float = 0.0
     key: str = ""
+    late: bool = False
 
     def __post_init__(self) -> None:
         if not (0 < len(self.sender) <= MAX_NAME and self.sender.isprintable()):  # it will stand on terminals

@@ -311,6 +311,14 @@ class ReliableDelivery:
 
     # ---- receiving
 
+    def turned_away(self) -> list[Message]:
+        """See `Admission.turned_away`; to be asked when all that has come has been taken, since what was sent first may
+        be old, as after a long start, while the clocks are right."""
+        messages = self.admission.turned_away()
+        if messages and self._time_request is not None:
+            self._time_request.expedite()
+        return messages
+
     def take(self, datagram: bytes, now: float) -> list[Message]:
         """The messages that this datagram makes ready to be handled."""
         part = self.admission.look(datagram)
@@ -324,10 +332,7 @@ class ReliableDelivery:
             name = part.key, part.epoch  # only commands are stored; their sender repeats them first
             if part.kind is Kind.COMMAND and self.admission.robot and self._missing(name, part.sequence):
                 self.sequencer.want_parts(name, part.sequence, part.deadline, now + _ASK_PARTS_AFTER)
-            turned_away = self.admission.turned_away()
-            if turned_away and self._time_request is not None:
-                self._time_request.expedite()
-            return turned_away
+            return []
         message = entered.message
         if TIME in message.body and message.kind in (Kind.REPORT, Kind.HEARTBEAT):
             self._deal_with_time(message, now)

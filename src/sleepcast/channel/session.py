@@ -162,6 +162,7 @@ class ChannelSession:
         for datagram in datagrams:
             now = self._clock.now()
             self._hear(self.delivery.take(datagram, now), now)
+        self._hear(self.delivery.turned_away(), self._clock.now())
 
     def hear(self, messages: Iterable[Message]) -> None:
         """Take in received messages, with the times of our mind."""
@@ -453,7 +454,7 @@ class Receiver:
         for datagram in datagrams:
             now = self._clock.now()
             messages += self._in_time(self.delivery.take(datagram, now), now)
-        return messages
+        return messages + self._in_time(self.delivery.turned_away(), self._clock.now())
 
     def _in_time(self, messages: Iterable[Message], now: float) -> list[Message]:
         admission = self.delivery.admission

@@ -54,7 +54,7 @@ from sleepcast.mind.authority import (
     AT_REST,
     ENDED,
     Tells,
-    obeys_stop_only,
+    outcome_of_untimely,
 )
 from sleepcast.mind.inspection import BodyState, Details, Self, answer_inspection
 from sleepcast.mind.limits import ASKS_TOO_MUCH, MAX_BACKLOG
@@ -509,7 +509,7 @@ class Fleet(Mapping[str, RobotView]):
         if FOR in message.body or NOT in message.body:
             meant = np.array([i for i in heard.tolist() if is_addressed(message.body, self.names[i])], np.intp)
         if message.ahead and message.kind is not Kind.STOP:
-            self.outbox.answer_alike(message, Rows.of(meant), "fault", obeys_stop_only(message))
+            self.outbox.answer_alike(message, Rows.of(meant), *outcome_of_untimely(message))
             return
         self.authority.hear(message, Rows.of(heard))
         if message.kind is Kind.STOP:  # whoever hears it stops; only those that it is addressed to answer

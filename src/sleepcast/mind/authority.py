@@ -399,9 +399,9 @@ def bars(message: Message, tells: Tells) -> str:
     return NO_MOTION if tells is Tells.MARKS and _is_told(message) else ""
 
 
-def obeys_stop_only(message: Message) -> str:
-    """Why a message whose sender's clock is ahead is not obeyed; STOP is. "" for all others."""
-    return f"its clock is {differs(-message.ahead)}: it obeys STOP only" if message.ahead else ""
+def outcome_of_untimely(message: Message) -> tuple[str, str]:
+    """The outcome of a message that is not obeyed because of its times, as a STOP is; and its fault."""
+    return ("late", "") if message.late else ("fault", f"its clock is {differs(-message.ahead)}: it obeys STOP only")
 
 
 def outlasts(doubt: str, message: Message) -> str:

@@ -48,8 +48,8 @@ from sleepcast.mind.authority import (
     Driving,
     Tells,
     driver_of,
-    obeys_stop_only,
     outcome_of_keys,
+    outcome_of_untimely,
     outlasts,
 )
 from sleepcast.mind.evaluation_budget import EvaluationBudget
@@ -267,7 +267,8 @@ class Node:
             self._seen.popitem(last=False)
         if message.ahead and message.kind is not Kind.STOP:
             if is_addressed(message.body, self.name):
-                self._answer(message, "fault", fault=obeys_stop_only(message))
+                outcome, fault = outcome_of_untimely(message)
+                self._answer(message, outcome, fault=fault)
             return
         self._driving = self._driving.hear(message)
         if message.kind is Kind.STOP:

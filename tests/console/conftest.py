@@ -13,7 +13,9 @@ from playwright.sync_api import Browser, BrowserContext, Playwright, sync_playwr
 from console.running import PATIENCE, Page, Program, open_page
 from small_worlds import write
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+NAMES = "chromium-headless-shell", "chromium", "chromium-browser", "google-chrome"
+CHROMIUM = next(filter(None, map(shutil.which, NAMES)), None)
+"""The first is the same browser without menus and windows, which nobody sees: it takes a quarter less time."""
 QUIET = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"]
 QUIET += ["--disable-background-networking", "--disable-component-update", "--disable-sync"]
 USUAL = (

@@ -56,10 +56,17 @@ def misses(package: Path, caches: Path) -> int:
     return sum(map(int, counted))
 
 
-def test_kernels_of_one_installation_serve_another_one(tmp_path: Path) -> None:
-    """A copy elsewhere, with files of another time, compiles nothing; one with another kernel in it does."""
-    caches, copy = tmp_path / "caches", tmp_path / "elsewhere" / "sleepcast"
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A cache in which a process has kept the kernel that it had to compile."""
+    caches = tmp_path_factory.mktemp("kept")
     assert misses(SOURCE, caches) == 1
+    return caches
+
+
+def test_kernels_of_one_installation_serve_another_one(kept: Path, tmp_path: Path) -> None:
+    """A copy elsewhere, with files of another time, compiles nothing; one with another kernel in it does."""
+    caches, copy = shutil.copytree(kept, tmp_path / "caches"), tmp_path / "elsewhere" / "sleepcast"
     shutil.copytree(SOURCE, copy, ignore=shutil.ignore_patterns("__pycache__"), copy_function=shutil.copyfile)
     assert misses(copy, caches) == 0
     with (copy / "simulator" / "simd" / "formulas.py").open("a") as file:
@@ -68,9 +75,10 @@ def test_kernels_of_one_installation_serve_another_one(tmp_path: Path) -> None:
     assert misses(SOURCE, caches) == 0
 
 
-def test_a_kernel_is_loaded_without_what_compiling_takes_and_another_one_compiled_after_it(tmp_path: Path) -> None:
-    assert misses(SOURCE, tmp_path) == 1
-    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+def test_a_kernel_is_loaded_without_what_compiling_takes_and_another_one_compiled_after_it(
+    kept: Path, tmp_path: Path
+) -> None:
+    environment = {**os.environ, "XDG_CACHE_HOME": str(shutil.copytree(kept, tmp_path / "caches"))}
     done = subprocess.run(
         [sys.executable, "-c", LOAD_THEN_COMPILE], env=environment, capture_output=True, text=True, check=False
     )
@@ -101,10 +109,10 @@ def test_what_is_no_kernel_of_ours_is_not_kept_so_that_nobody_gets_it_for_anothe
 
 
 @pytest.mark.parametrize("hindrance", ["a file where the folder should be", "damage"])
-def test_kernels_that_cannot_be_kept_or_loaded_are_compiled(tmp_path: Path, hindrance: str) -> None:
+def test_kernels_that_cannot_be_kept_or_loaded_are_compiled(kept: Path, tmp_path: Path, hindrance: str) -> None:
     caches = tmp_path / "caches"
     if hindrance == "damage":
-        assert misses(SOURCE, caches) == 1
+        shutil.copytree(kept, caches)
         for file in caches.rglob("*-kernels.*"):
             file.write_bytes(file.read_bytes()[:-1])
     else:

@@ -30,7 +30,7 @@ pytestmark = [
     pytest.mark.usefixtures("rules_elsewhere"),
 ]
 
-EXAMPLES = max(40, settings().max_examples // 2)
+EXAMPLES = max(20, settings().max_examples // 2)
 ROBOTS = compiler.LANES + 1
 NUMBERS = ("0", "-0", "1", "-2", "0.1", "3", "1e308", "1e-320", "0.5", "7.5", "UNKNOWN", "-100", "1e6")
 SENSED = (math.nan, 0.0, -0.0, 0.25, 1.0, 3.0, -2.0, 1e300, 6.5, -1e-310)

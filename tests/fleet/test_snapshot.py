@@ -35,7 +35,7 @@ def resumed(data: bytes, like: Fleet, bodies: list[Body] | None = None) -> Fleet
 SEED = 11
 
 
-@settings(max_examples=max(50, settings().max_examples))
+@settings(max_examples=max(25, settings().max_examples))
 @given(start=st.integers(0, 2**63))
 def test_a_fleet_goes_on_as_if_it_had_never_been_put_away(start: int) -> None:
     """Twins go on together; every few steps the fleet is replaced by one made from its snapshot."""

@@ -9,7 +9,7 @@ import os
 import subprocess
 import sys
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -50,6 +50,9 @@ for line in sys.stdin:
 """A process that has loaded the libraries and nothing else; each line is answered by a process made from it."""
 TESTS = Path(__file__).resolve().parent.parent
 LAST = max(ORDERS) + 12
+THICK = (14, 1), (29, 2), (33, 0)
+"""Moments in the thick of it (commands, answers and pings on their way, leases, a STOP that is latched), by tick, and
+on how many threads to go on from there; 0 for as many as there are cores. An ordinary run tries one a scenario."""
 FEW = 30
 """Robots of those scenarios that may have any number."""
 NOISY = ('[radio]\ndelay = "0s"', '[radio]\ndelay = "0.15s"\njitter = "0.4s"\nloss = "10%"\nduplication = "20%"')
@@ -87,21 +90,28 @@ def as_json(swarm: Swarm) -> object:
     return json.loads(json.dumps(seen(swarm)))
 
 
-@pytest.mark.parametrize("name", scenario_names())
+@pytest.mark.parametrize(
+    ("name", "moments"),
+    [
+        pytest.param(name, moments, marks=pytest.mark.nightly if len(moments) > 1 else (), id=f"{name}-{len(moments)}")
+        for number, name in enumerate(scenario_names())
+        for moments in (THICK, THICK[number % 3 : number % 3 + 1])
+    ],
+)
 def test_a_scenario_of_the_gallery_goes_on_in_another_process(
-    name: str, fresh: subprocess.Popen[str], tmp_path: Path
+    name: str, moments: Sequence[tuple[int, int]], fresh: subprocess.Popen[str], tmp_path: Path
 ) -> None:
-    """Snapshots in the thick of it: commands, answers and pings on their way, leases, a STOP that is latched."""
+    """At the ticks of these moments, and each on so many threads."""
     whole = swarm_of(few(name), seed=4)
     drive(whole, LAST)
     wanted = as_json(whole)
     parts, file = swarm_of(few(name), seed=4), tmp_path / "swarm.snap"
     done = 0
-    for threads, ticks in enumerate((14, 29, 33), 1):
+    for ticks, threads in moments:
         drive(parts, ticks - done)
         done = ticks
         save(snapshot(parts), file)
-        assert in_another_process(fresh, file, LAST - done, threads % 3) == wanted
+        assert in_another_process(fresh, file, LAST - done, threads) == wanted
     drive(parts, LAST - done)
     assert as_json(parts) == wanted  # to be looked at has changed nothing
 
@@ -291,7 +301,7 @@ def test_a_document_that_lacks_a_part_is_refused() -> None:
 PARTS = ("simulator", "fleet", "radio", "loop", "desk")
 
 
-@settings(max_examples=max(100, settings().max_examples))
+@settings(max_examples=max(50, settings().max_examples))
 @given(data=st.data())
 def test_a_changed_byte_is_refused_or_harmless(data: st.DataObject) -> None:
     place = data.draw(st.integers(0, len(whole()) - 1))
@@ -351,7 +361,7 @@ TEXTS = ("(+ 1", "(SETQQ E5 (E5))", "desk-1.1", "e5", "variable", "operator", "n
 
 
 @pytest.mark.parametrize("part", PARTS)
-@settings(max_examples=max(100, settings().max_examples))
+@settings(max_examples=max(50, settings().max_examples))
 @given(data=st.data())
 def test_whatever_stands_in_a_part_it_is_refused_or_runs(part: str, data: st.DataObject) -> None:
     """Parts with right check sums and wrong contents: either a sentence, or a swarm that goes on."""

@@ -16,14 +16,16 @@ import sys
 USUAL = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
 """What signals do, unless the process was started with another setting, which is kept."""
 
-_GARBAGE = (50_000, 20, 20)
+_GARBAGE = (100_000, 20, 20)
 """How many new objects Python looks for garbage after, and how often it looks at older ones: libraries, and the robots
-of a fleet, are made of objects that stay. With Python's own numbers the search is a tenth of a short command."""
+of a fleet, are made of objects that stay. With Python's own numbers the search is a tenth of a short command; a run of
+few robots ends before the first one."""
 
 
 def start() -> int:
     """Load the command and run it on this process's arguments; gives the exit status."""
     _import_nothing_from_here()
+    gc.set_threshold(*_GARBAGE)
     ours = [each for each, usual in USUAL.items() if signal.getsignal(each) is usual]
     for each in ours:
         signal.signal(each, lambda number, frame: os._exit(128 + number))
@@ -32,7 +34,6 @@ def start() -> int:
 
     for each in ours:
         signal.signal(each, terminate if each is signal.SIGTERM else signal.default_int_handler)
-    gc.set_threshold(*_GARBAGE)
     status = main()
     gc.freeze()  # nobody looks for garbage at the end: all of it goes anyway, and after a run the search takes longest
     return status

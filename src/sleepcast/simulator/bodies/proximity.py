@@ -164,7 +164,7 @@ class Bumpers:
         for attempt in range(MAX_ATTEMPTS):
             i, j = self._overlapping(fine, x, y)
             inside = self._in_solids(x, y)
-            wrong = np.unique(np.concatenate((i[np.where(given[i] == given[j], i > j, given[j])], inside)))
+            wrong = _distinct(len(x), i[np.where(given[i] == given[j], i > j, given[j])], inside)
             if not len(wrong):
                 return
             self._refuse_given(given, (i, j), inside, x, y)
@@ -216,8 +216,15 @@ class Bumpers:
         cell = self._near.grid.cells_of(x, y)
         k, item = spread(every, listed.start[cell], listed.start[cell + 1])
         lines = solids[listed.items[item]]
-        inside: Whole = np.unique(k[distance(x[k], y[k], *lines[:, :4].T) < radii[k] + lines[:, 4] + SKIN])
-        return inside
+        return _distinct(len(x), k[distance(x[k], y[k], *lines[:, :4].T) < radii[k] + lines[:, 4] + SKIN])
+
+
+def _distinct(count: int, *indices: Whole) -> Whole:
+    """The different ones of indices below `count`, ascending. (`np.unique` loads NumPy's masked arrays first.)"""
+    found = np.zeros(count, np.bool_)
+    for each in indices:
+        found[each] = True
+    return np.flatnonzero(found)
 
 
 def reach(robots: RobotSpec, tick: float) -> float:

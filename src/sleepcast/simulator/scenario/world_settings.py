@@ -15,11 +15,10 @@ from sleepcast.core.quantities import Measure
 from sleepcast.core.settings import Table
 from sleepcast.core.units import LENGTH
 from sleepcast.simulator.scenario.robot_settings import LEAST, MAX_ROBOTS, MAX_WORLD
-from sleepcast.simulator.world.drawing import MAX_NAME, read_drawing
 from sleepcast.simulator.world.map_picture import MapPicture
 from sleepcast.simulator.world.maze import maze
 from sleepcast.simulator.world.ros_map import read_map
-from sleepcast.simulator.world.world import Circle, Point, Polygon, Shape, Wall, boundary, rooms, rows_of
+from sleepcast.simulator.world.world import MAX_NAME, Circle, Point, Polygon, Shape, Wall, boundary, rooms, rows_of
 
 MAX_SHAPES = 10_000
 """Polygons, circles or walls in one file, each."""
@@ -204,6 +203,8 @@ def _from_files(world: Table) -> list[_Taken]:
             picture = MapPicture(ros_map.file, *ros_map.corner(at), ros_map.yaw, ros_map.resolution)
             contents.append(_Taken("map", (area,) if area.outlines else (), low, high, picture))
     if world.has("drawing"):
+        from sleepcast.simulator.world.drawing import read_drawing
+
         with world.table_or_text("drawing", "file") as each:
             path = each.file("file")
             metre = each.number("metre", low=LEAST, high=1.0 / LEAST) if each.has("metre") else None

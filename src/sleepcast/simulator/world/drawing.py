@@ -40,7 +40,7 @@ from sleepcast.simulator.world.svg_styles import (
     matrix_of,
     share,
 )
-from sleepcast.simulator.world.world import MAX_SOLIDS, Area, Circle, Point, Shape, Wall
+from sleepcast.simulator.world.world import MAX_NAME, MAX_SOLIDS, Area, Circle, Point, Shape, Wall
 
 TOLERANCE = 0.001
 """Largest distance between a curve and the lines that replace it, m: less than sonars and bumpers can resolve."""
@@ -54,8 +54,6 @@ with 300 sides each has as many."""
 MAX_DEPTH = 128
 """Depth of nested groups."""
 TOO_MANY = f"more than {MAX_SOLIDS} lines: leave some out"
-MAX_NAME = 64
-"""Characters of an id that are kept."""
 
 SVG = "http://www.w3.org/2000/svg"
 GROUPS = ("g", "a", "switch")

@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from sleepcast.core.errors import MisuseError
 
+MAX_NAME = 64
+"""Characters of the name of a thing in the world."""
 MAX_SOLIDS = 1_000_000
 """Rows in the array of solids: as many as robots; an index of more no longer fits into a cache."""
 

@@ -63,7 +63,7 @@ PIPELINES = {  # rooms within a room, and its modules: each imports only what st
 }
 GROUND = frozenset({"core"})  # everybody may import it
 HOUSE = {
-    "core": room(libraries="msgspec numpy", late="platformdirs pyproj"),
+    "core": room(libraries="msgspec numpy", late="llvmlite platformdirs pyproj"),
     "language": room(),
     "sentences": room("language"),
     "channel": room(libraries="msgspec numpy cbor2 nacl zenoh"),

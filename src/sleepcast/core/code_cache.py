@@ -10,10 +10,14 @@ Nothing here ever fails: code that cannot be kept, for want of room or of permis
 from __future__ import annotations
 
 import os
+import platform
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from hashlib import sha256
+from importlib.util import find_spec
 from pathlib import Path
 from secrets import token_hex
 from stat import S_ISDIR, S_ISREG, S_IWGRP, S_IWOTH
@@ -81,6 +85,33 @@ class CodeCache:
                     _make_room(directory)
                 return True
         return False
+
+
+CPU, CPU_BYTES = "/proc/cpuinfo", 16_384
+"""Where Linux tells of its processors, and in how many bytes it has told of the first one."""
+CPU_KEYS = ("vendor_id", "cpu family", "model", "stepping", "flags", "Features", "CPU ")
+"""What of it code may depend on, on processors of several families."""
+
+
+@cache
+def processor() -> str:
+    """What machine code for this processor depends on. Loads no LLVM where the system tells as much."""
+    with suppress(OSError), open(CPU, "rb") as file:
+        first = file.read(CPU_BYTES).decode(errors="replace").split("\n\n")[0]
+        lines = [line for line in first.splitlines() if line.startswith(CPU_KEYS)]
+        if len(lines) >= 4:
+            return "\n".join([sys.platform, platform.machine(), *lines])
+    from llvmlite import binding
+
+    name, features = binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()
+    return "\n".join([binding.get_process_triple(), name, features])
+
+
+def version_of(library: str) -> bytes:
+    """What a library says of its version, without importing it, or reading all that is installed."""
+    found = find_spec(library)
+    folders = found.submodule_search_locations if found else None
+    return b"".join(Path(folder, "_version.py").read_bytes() for folder in folders or ())
 
 
 @contextmanager

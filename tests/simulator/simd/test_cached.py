@@ -74,7 +74,7 @@ def kept(function: Kept, *arguments: object) -> Kept:
     made: Kept = compiled(function)
     made(*arguments)
     (overload,) = made.overloads.values()  # type: ignore[attr-defined]
-    call = cached.linked(entry_of(overload))
+    call = cached.linked_entry(entry_of(overload))
     return lambda *arguments: call(arguments)
 
 
@@ -172,7 +172,7 @@ def test_code_that_calls_what_this_process_does_not_have_is_not_linked(monkeypat
     counts, start = np.array([[2, 0, 1]], np.int32), np.zeros(4, np.int32)
     kernel = CachedKernel(kernels.__name__, "begin")
     kernel(counts.copy(), start)  # there is an entry now
-    monkeypatch.setattr(cached, "in_process", lambda functions: False)
+    monkeypatch.setattr(cached, "all_in_process", lambda functions: False)
     other = CachedKernel(kernels.__name__, "begin")
     again = np.zeros(4, np.int32)
     other(counts.copy(), again)

@@ -23,9 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.columns.values import Column, Rows
-from sleepcast.core.code_cache import CodeCache
+from sleepcast.core.code_cache import CodeCache, processor, version_of
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import BodyColumn, HostFunction, NativeCall
+from sleepcast.core.object_code import linked
 from sleepcast.core.threads import ThreadPool, borders
 from sleepcast.fleet.native import libm
 from sleepcast.fleet.native.assembly import Assembly
@@ -391,41 +392,41 @@ _ONE_AT_A_TIME = Lock()
 
 def _compiled(text: str) -> Callable[[int, int, int, int], int]:
     """The function in a module's text, optimised for this processor, or from the cache."""
-    from llvmlite import binding
-
     with _ONE_AT_A_TIME:
-        binding.initialize_native_target()
-        binding.initialize_native_asmprinter()
-        triple, processor = binding.get_process_triple(), binding.get_host_cpu_name()
-        features = binding.get_host_cpu_features().flatten()
-        target = binding.Target.from_triple(triple).create_target_machine(
-            cpu=processor, features=features, opt=2, jit=True
-        )
-        name = _name(text, triple, processor, features, str(binding.llvm_version_info))
+        name = _name(text, processor())
         code = CACHE.load(name)
         if code is None:
-            code = _optimised(binding.parse_assembly(text), target)
+            code = _object_of(text)
             CACHE.save(name, code)
-        for called in libm.NAMES:
-            if (symbol := libm.symbol(called)) in text:
-                binding.add_symbol(symbol, libm.address(called))
-        engine = binding.create_mcjit_compiler(binding.parse_assembly(""), target)
-        engine.add_object_file(binding.ObjectFileRef.from_data(code))
-        engine.finalize_object()
-        address = engine.get_function_address("round")
+        called = {symbol: libm.address(each) or 0 for each in libm.NAMES if (symbol := libm.symbol(each)) in text}
+        loop = linked((code,), called)
     function = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p)(
-        address
+        loop.address("round")
     )
 
     def call(start: int, stop: int, count: int, table: int) -> int:
-        return int(function(start, stop, count, table)) if engine else 0  # the engine owns the code: keep it alive
+        return int(function(start, stop, count, table))
 
+    call.owns = loop  # type: ignore[attr-defined]  # the code must stay as long as it is called
     return call
 
 
 def _name(*depends: str) -> str:
-    """The cache key of code that depends on these texts, and on this module."""
-    return sha256(b"\0".join([Path(__file__).read_bytes(), *(each.encode() for each in depends)])).hexdigest()
+    """The cache key of code that depends on these texts, on llvmlite, and on this module."""
+    compiler = Path(__file__).read_bytes() + version_of("llvmlite")
+    return sha256(b"\0".join([compiler, *(each.encode() for each in depends)])).hexdigest()
+
+
+def _object_of(text: str) -> bytes:
+    """The object file of a module's text."""
+    from llvmlite import binding
+
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
+    target = binding.Target.from_triple(binding.get_process_triple()).create_target_machine(
+        cpu=binding.get_host_cpu_name(), features=binding.get_host_cpu_features().flatten(), opt=2, jit=True
+    )
+    return _optimised(binding.parse_assembly(text), target)
 
 
 def _optimised(module: ModuleRef, target: TargetMachine) -> bytes:

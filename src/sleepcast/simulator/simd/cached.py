@@ -12,10 +12,10 @@ import ctypes
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from functools import cache
 from hashlib import sha256
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from threading import RLock
 from typing import Any, TypeAlias
@@ -23,7 +23,8 @@ from typing import Any, TypeAlias
 import msgspec
 import numpy as np
 
-from sleepcast.core.code_cache import CodeCache
+from sleepcast.core.code_cache import CodeCache, processor, version_of
+from sleepcast.core.object_code import UnlinkableError, in_process, linked
 
 Call: TypeAlias = Callable[[tuple[Any, ...]], Any]
 
@@ -61,24 +62,14 @@ class EntryPiece(msgspec.Struct, frozen=True, array_like=True):
 @cache
 def identity() -> str:
     """What all kernels depend on: their sources, the compilers, and the processor."""
-    from llvmlite import binding
-
     sources = sorted(source for names in SOURCES for source in ROOM.glob(names))
-    target = binding.get_process_triple(), binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()
     settings = [f"{name}={os.environ.get(name)}" for name in SETTINGS]
-    texts = [sys.implementation.cache_tag or "", *target, *settings]
-    versions = [_version("numba"), _version("llvmlite")]
+    texts = [sys.implementation.cache_tag or "", processor(), *settings]
+    versions = [version_of("numba"), version_of("llvmlite")]
     digest = sha256(b"\0".join([*(text.encode() for text in texts), *versions]))
     for source in sources:
         digest.update(b"\0" + source.read_bytes())
     return digest.hexdigest()[:16]
-
-
-def _version(library: str) -> bytes:
-    """What a library says of its version, without importing it, or reading all that is installed."""
-    found = find_spec(library)
-    folders = found.submodule_search_locations if found else None
-    return b"".join(Path(folder, "_version.py").read_bytes() for folder in folders or ())
 
 
 def compiled_in() -> Path | None:
@@ -147,45 +138,30 @@ def _entries(module: str, name: str) -> Iterator[Call]:
         data = ENTRIES.load(piece)
         if data:  # there is nothing in it where numba's own has to be called
             found = msgspec.msgpack.decode(data, type=EntryPiece)
-            if in_process(found.outside):  # linking ends the process over a function that is missing
-                yield linked(found)
+            if all_in_process(found.outside):  # LLVM ends the process over a function that is missing
+                yield linked_entry(found)
 
 
-def in_process(functions: Sequence[str]) -> bool:
+def all_in_process(functions: Sequence[str]) -> bool:
     """Whether this process has functions of these names for everybody."""
-    return all(hasattr(ctypes.CDLL(None), name) for name in functions)
+    with suppress(UnlinkableError):
+        return all(in_process(name) for name in functions)
+    return False
 
 
-def linked(piece: EntryPiece) -> Call:
+def linked_entry(piece: EntryPiece) -> Call:
     """The entry of a piece, ready to be called."""
-    from llvmlite import binding
-
-    engine = binding.create_mcjit_compiler(binding.parse_assembly(""), _target())
-    for code in (piece.kernel, piece.entry):
-        engine.add_object_file(binding.ObjectFileRef.from_data(code))
-    engine.finalize_object()
-    function = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.py_object, ctypes.c_void_p)(
-        engine.get_function_address("entry")
-    )
+    code = linked((piece.kernel, piece.entry), {})
+    function = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.py_object, ctypes.c_void_p)(code.address("entry"))
     objects = [_needed(name) for name in piece.needs]
     addresses = (ctypes.c_void_p * len(objects))(*(address for _, address in objects))
-
     table = ctypes.addressof(addresses)
 
     def call(arguments: tuple[Any, ...]) -> Any:
         return function(arguments, table)
 
-    call.owns = engine, objects, addresses  # type: ignore[attr-defined]  # what must stay as long as it is called
+    call.owns = code, objects, addresses  # type: ignore[attr-defined]  # what must stay as long as it is called
     return call
-
-
-def _target() -> Any:
-    """LLVM's idea of this processor, for code that is compiled already."""
-    from llvmlite import binding
-
-    binding.initialize_native_target()
-    binding.initialize_native_asmprinter()
-    return binding.Target.from_triple(binding.get_process_triple()).create_target_machine(jit=True)
 
 
 @cache

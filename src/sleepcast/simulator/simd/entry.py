@@ -27,7 +27,7 @@ from sleepcast.simulator.simd.cached import (
     STRIDES,
     TYPE,
     EntryPiece,
-    in_process,
+    all_in_process,
 )
 
 WORD, HALF, BYTE = ir.IntType(64), ir.IntType(32), ir.IntType(8)
@@ -227,7 +227,7 @@ def entry_of(made: Any) -> EntryPiece:
     library, context, description = made.library, made.target_context, made.fndesc
     declared = {each.name for each in library._final_module.functions if each.is_declaration}
     outside = sorted(name for name in declared - DEFINED - NEVER_CALLED if not name.startswith("llvm."))
-    if not in_process(outside):
+    if not all_in_process(outside):
         raise NoEntryError(f"it calls one of {', '.join(outside)}")
     module = context.create_module("entry")
     needs = _write(context, module, context.declare_function(module, description), description)

@@ -168,7 +168,7 @@ def test_messages_that_wait_are_looked_into() -> None:
     assert names(twins) == {"sonar3"}
 
 
-@settings(max_examples=200)
+@settings(max_examples=max(50, settings().max_examples // 4))
 @given(start=st.integers(0, 2**63))
 def test_nothing_else_is_read(start: int) -> None:
     chance = Random(start)

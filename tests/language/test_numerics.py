@@ -23,7 +23,7 @@ def close(y: float, x: float) -> bool:
     return abs(found - wanted) <= 1.5 * math.ulp(wanted) and math.copysign(1.0, found) == math.copysign(1.0, y)
 
 
-@settings(max_examples=2_000)
+@settings(max_examples=max(500, settings().max_examples))
 @given(y=FINITE | NEAR, x=FINITE | NEAR)
 def test_it_is_right_to_the_last_place_but_one(y: float, x: float) -> None:
     assert close(y, x)

@@ -43,20 +43,8 @@ def room(rooms: str = "", libraries: str = "", late: str = "") -> Room:
 
 PIPELINES = {  # rooms within a room, and its modules: each imports only what stands before it
     "simulator": (
-        *(
-            "simd",
-            "world",
-            "scenario",
-            "sonar",
-            "motion",
-            "neighbours",
-            "fast",
-            "engine",
-            "bodies",
-            "simulation",
-            "single_robot",
-        ),
-        *("packing", "snapshot", "recording", "kernel_warm_up"),
+        *("simd", "world", "scenario", "sonar", "motion", "neighbours", "fast", "engine", "bodies", "simulation"),
+        *("quiet", "single_robot", "packing", "snapshot", "recording", "kernel_warm_up"),
     ),
     "bridges": ("address", "body", "crazyflie", "mavlink", "ros2"),
     "nomad": ("wire", "client", "bridge", "server", "world", "panes", "command"),

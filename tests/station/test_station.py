@@ -24,8 +24,8 @@ from sleepcast.station import (
     UnknownRobotError,
 )
 from sleepcast.station.account import ValueSummary
-from sleepcast.station.sent import MAX_COMMANDS
-from sleepcast.station.station import MAX_REPORTS, REPEAT_AFTER
+from sleepcast.station.sent import MAX_COMMANDS, REPEAT_AFTER
+from sleepcast.station.station import MAX_REPORTS
 from station.fleet import Fleet, vocabulary
 
 HALF = "(WHEN (> fuel 50%) (JOIN bravo))"

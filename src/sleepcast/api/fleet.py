@@ -80,21 +80,34 @@ class SimulatedFleet(Fleet):
         """
         count = self.swarm.carried.ticks(read_seconds(seconds, "cannot run for", MAX_TIME))
         with closing(steps(count, self.swarm.simulator.scenario.name, quiet=quiet)) as ticks:
-            for _ in ticks:
-                self._pass()
+            reached = 0
+            for number in ticks:
+                if number == reached:
+                    reached += self._advance(count - number)
         self._changed()
         return self
 
-    def _step(self) -> None:
-        self.swarm.step()
+    def _step(self, most: int) -> int:
+        """Let ticks pass, at least one and at most so many; gives how many."""
+        tick = self.swarm.simulator.tick
+        made = self.swarm.advance(min([most, *(every.following(tick) - tick for every, _ in self._histories)]))
         for every, history in self._histories:
             if every.due(self.swarm.simulator.tick):
                 self._sample(history)
+        return made
+
+    def _tick(self) -> None:
+        self._step(1)
+
+    def _advance(self, most: int) -> int:
+        """The same, in turn with other threads; whoever shows the fleet learns of it."""
+        with self._turn():
+            made = self._step(most)
+        self._changed(soon=True)
+        return made
 
     def _pass(self) -> None:
-        with self._turn():
-            self._step()
-        self._changed(soon=True)
+        self._advance(1)
 
     def _until(self, sent: Command, seconds: float) -> CommandResult:
         until, result = self.time + seconds, CommandResult(self, sent)
@@ -356,7 +369,7 @@ class SimulatedFleet(Fleet):
     def _make_desk(self) -> NotebookDesk:
         from sleepcast.notebook import simulated_desk
 
-        return simulated_desk(self.swarm, self.station, self._step, self._turn, self._mission)
+        return simulated_desk(self.swarm, self.station, self._tick, self._turn, self._mission)
 
 
 def open(

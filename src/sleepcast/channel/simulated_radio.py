@@ -320,6 +320,18 @@ class Radio:
         heard, self._for_desks[number] = self._for_desks[number], []
         return heard
 
+    @property
+    def next_due(self) -> float:
+        """When the next copy is due, s; -inf while something waits to be received, inf without any."""
+        if self._heard or any(self._for_desks.values()):
+            return -inf
+        return min((float(np.min(copies.due)) for copies in self._waiting), default=inf)
+
+    @property
+    def reaches_all(self) -> bool:
+        """Whether samples of all robots arrive, always."""
+        return not self.model.loss and (self.model.operator is None or self.model.operator_reach == inf)
+
     def samples(self) -> Numbers:
         """The robots from which a sample sent to the operator now would arrive."""
         near = self._near_operator()

@@ -132,8 +132,12 @@ def run_headless(
             from sleepcast.api.recording import recorded
 
             recorder = stack.enter_context(recorded(swarm, station, recording, complain))
-        for _ in stack.enter_context(closing(steps(ticks, scenario.name, quiet=quiet))):
-            swarm.step()
+        reached = 0
+        for number in stack.enter_context(closing(steps(ticks, scenario.name, quiet=quiet))):
+            if number < reached:
+                continue
+            before_snapshot = ticks if due is None or due <= swarm.simulator.tick else due - swarm.simulator.tick
+            reached += swarm.advance(min(ticks - number, before_snapshot))
             if snapshot is not None and swarm.simulator.tick == due:
                 lost = not snapshot.take(swarm)
             interrupts.check()

@@ -344,6 +344,11 @@ class Shared(Generic[Value]):
         """The value of one robot."""
         return self.values[0 if self._column is None else int(self._column[robot])]
 
+    @property
+    def common(self) -> Value | None:
+        """The value that all robots have; None where they may differ."""
+        return self.values[0] if self._column is None else None
+
     def divide(self, rows: Rows) -> list[tuple[Value, Rows, Mask | None]]:
         """Group the rows by their values; each group with its places (None: all)."""
         if rows.size == 0:

@@ -73,6 +73,12 @@ class FleetAuthority:
 
     # ---- who drives
 
+    @property
+    def idle(self) -> bool:
+        """Whether nobody drives any robot, none catches up, and no sign of an operator has come since the last tick."""
+        driving, behind = self.driving.common, self.catching_up.common
+        return driving is not None and not driving.driver and not driving.heard and behind is False
+
     def hear(self, message: Message, rows: Rows) -> None:
         """Note a message that counts as a sign of the operator."""
         if is_sign(message):

@@ -125,7 +125,7 @@ class RuleStatistics:
     def sink(self, *, steps: bool) -> ResultColumns:
         """The columns that native code writes. steps: whether it writes them too."""
         if steps and self._sink.steps is None:
-            self._sink = self._sink._replace(steps=self._own_steps())
+            self._sink = self._sink._replace(steps=self.own_steps())
         return self._sink
 
     # ---- steps
@@ -144,9 +144,9 @@ class RuleStatistics:
             if self._sink.steps is not None:
                 self._sink = self._sink._replace(steps=None)
         elif not (isinstance(steps, int) and isinstance(self._steps, int) and self._steps == steps):
-            self._own_steps()[rows.index] = steps
+            self.own_steps()[rows.index] = steps
 
-    def _own_steps(self) -> NDArray[np.uint16]:
+    def own_steps(self) -> NDArray[np.uint16]:
         """A column of steps, allocated now if one number stood for all until now."""
         if isinstance(self._steps, int):
             self._steps = filled(self._steps, np.uint16, len(self._fresh))
@@ -221,6 +221,24 @@ class RuleStatistics:
             self._gather()
         if self._in_row is not None and self._in_row[rows.index].any():
             self._in_row[rows.index] = 0
+
+    @property
+    def uncounted(self) -> int:
+        """How many evaluations by native code may follow before their matches are added up."""
+        return MAX_FRESH - self._counted
+
+    def ran_often(self, steps: int, times: int, most: int | None) -> None:
+        """Native code has evaluated the rule on all robots so many times, at most `uncounted` ones, without a fault.
+        most: the most steps that any robot has used, where the code has stored them; None: all have used `steps`."""
+        rows = Rows.run(0, len(self._fresh))
+        if most is None:
+            self.used(steps, rows)
+        self.most_steps = max(self.most_steps, steps if most is None else most)
+        self._counted += times
+        if self._counted == MAX_FRESH:
+            self._gather()
+        if self._in_row is not None:
+            self._in_row[:] = 0
 
     def renew(self, rows: Rows) -> None:
         """The expression was replaced: reset the results of its last evaluation."""

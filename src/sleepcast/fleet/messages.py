@@ -146,6 +146,11 @@ class Outbox:
         self._pings.clear()
         return self._ping_lists.setdefault(robot, [])
 
+    @property
+    def empty(self) -> bool:
+        """Whether there is nothing to take."""
+        return not self._batches and not self._pings
+
     def take_pings(self) -> list[tuple[Index, Column]]:
         """Take the pings that are not in a robot's list yet: robots and castes."""
         taken, self._pings = self._pings, []

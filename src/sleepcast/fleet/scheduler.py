@@ -19,7 +19,7 @@ from sleepcast.columns.values import Mask, Rows
 from sleepcast.fleet.authority import FleetAuthority
 from sleepcast.fleet.evaluation import RuleStatistics
 from sleepcast.fleet.memory import FleetMemory
-from sleepcast.fleet.native.compiler import Kernel, moment
+from sleepcast.fleet.native.compiler import Kernel, ResultColumns, moment
 from sleepcast.fleet.native.kernels import SequencePlan
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import TIME_SLOT
@@ -69,7 +69,7 @@ class BatchScheduler:
             return rows
         left = []
         for plan, some, _ in memory.divide(rows, lambda number: kernels.plan(memory.minds[number], memory.state)):
-            if plan is None or not self._affordable(plan):
+            if plan is None or not self.affordable(plan):
                 left.append(some)
                 continue
             if self.left_over:
@@ -80,7 +80,7 @@ class BatchScheduler:
                 self._follow(plan, some)
         return Rows.together(left) if left else Rows.run(0, 0)
 
-    def _affordable(self, plan: SequencePlan) -> bool:
+    def affordable(self, plan: SequencePlan) -> bool:
         """Whether the budget suffices for all rules of a plan, whatever branches are taken."""
         expected = plan.steps
         for key, size in zip(plan.keys, plan.sizes, strict=True):
@@ -89,9 +89,28 @@ class BatchScheduler:
 
     def _follow(self, plan: SequencePlan, rows: Rows) -> None:
         """Run one round on robots that all have the rules of a plan, leg by leg."""
-        memory, done = self._memory, 0
         self._used[rows.index] = 0
-        for leg in plan.legs:
+        self._go_on(plan, rows, 0, None)
+
+    def resume(self, plan: SequencePlan, leg: int, left: Rows) -> None:
+        """Finish a round of all robots that others have begun, up to and with the native code of this leg of a plan,
+        which has left some robots to be walked."""
+        self._memory.statistics.lost.clear()
+        self._used[:] = 0
+        rows = Rows.run(0, self._memory.state.count)
+        for done, before in enumerate(plan.legs[:leg]):
+            first = sum(each.rules for each in plan.legs[:done])
+            if before.kernel is not None:
+                self._note(plan.keys[first : first + before.rules], before.kernel, rows, last=False)
+        self._go_on(plan, rows, leg, left)
+        self._memory.statistics.lost.clear()
+
+    def _go_on(self, plan: SequencePlan, rows: Rows, begin: int, left: Rows | None) -> None:
+        """The rest of a round, from this leg on. left: the robots that its native code has left to be walked; None if
+        it has not run yet."""
+        memory = self._memory
+        done = sum(leg.rules for leg in plan.legs[:begin])
+        for leg in plan.legs[begin:]:
             after = done + leg.rules
             if leg.kernel is None:
                 before = memory.state.mind[rows.index].copy()
@@ -99,10 +118,14 @@ class BatchScheduler:
                 self._walk([way])
                 rows = self._unchanged(way, rows, before)
             else:
-                left = self._evaluate_natively(plan.keys[done:after], leg.kernel, rows, last=after == len(plan.keys))
+                keys, last = plan.keys[done:after], after == len(plan.keys)
+                if left is None:
+                    left = self._evaluate_natively(keys, leg.kernel, rows)
+                well = rows.take(~np.isin(rows.robots, left.robots)) if left.size else rows
+                self._note(keys, leg.kernel, well, last=last)
                 if left.size:
                     self._walk([Way(plan.keys, left, done)])
-                    rows = rows.take(~np.isin(rows.robots, left.robots))
+                rows, left = well, None
             if rows.size == 0:
                 return
             done = after
@@ -121,22 +144,26 @@ class BatchScheduler:
             self._walk([Way(way.keys, on, way.until)])
         return rows.take(~(changed | spent)) if changed.any() or spent.any() else rows
 
-    def _evaluate_natively(self, keys: Sequence[str], kernel: Kernel, rows: Rows, *, last: bool) -> Rows:
-        """Evaluate rules by native code; returns the robots that have to be walked. last: whether nothing follows."""
+    def _evaluate_natively(self, keys: Sequence[str], kernel: Kernel, rows: Rows) -> Rows:
+        """Evaluate rules by native code; returns the robots that have to be walked."""
         memory, kernels = self._memory, self._memory.kernels
-        if kernels is None:
-            return rows
-        tallies = [memory.statistics[key] for key in keys]
+        assert kernels is not None
         one = int(rows.index.start if isinstance(rows.index, slice) else rows.index[0])
         when = moment(memory.state, Rows.run(one, one + 1))  # all robots of a round have the same tick and time
-        sinks = [tally.sink(steps=entering) for tally, entering in zip(tallies, kernel.entering, strict=True)]
-        left = kernels.evaluate(kernel, memory.state, rows, when, sinks)
-        done = rows.take(~np.isin(rows.robots, left.robots)) if left.size else rows
+        return kernels.evaluate(kernel, memory.state, rows, when, self.sinks(keys, kernel))
+
+    def sinks(self, keys: Sequence[str], kernel: Kernel) -> list[ResultColumns]:
+        """Where native code writes the results of these rules."""
+        tallies = (self._memory.statistics[key] for key in keys)
+        return [tally.sink(steps=entering) for tally, entering in zip(tallies, kernel.entering, strict=True)]
+
+    def _note(self, keys: Sequence[str], kernel: Kernel, rows: Rows, *, last: bool) -> None:
+        """Native code has evaluated rules on these robots. last: whether nothing follows."""
+        tallies = [self._memory.statistics[key] for key in keys]
         for tally, steps, entering in zip(tallies, kernel.steps, kernel.entering, strict=True):
-            tally.ran(steps, done, stored=entering)
+            tally.ran(steps, rows, stored=entering)
             if not last:
-                self._used[done.index] += np.asarray(tally.steps(done), np.int32)
-        return left
+                self._used[rows.index] += np.asarray(tally.steps(rows), np.int32)
 
     # ---- choice and order of rules
 

@@ -104,7 +104,12 @@ def size_of_change(change: WorldChange) -> int:
 
 
 class InputLog:
-    """Keeps what a swarm gets from outside, as one of its witnesses. size: bytes of it, about."""
+    """Keeps what a swarm gets from outside, as one of its witnesses. size: bytes of it, about.
+
+    patient: it need not see ticks in which nothing comes from outside.
+    """
+
+    patient = True
 
     def __init__(self, swarm: Swarm) -> None:
         self.inputs = Inputs()

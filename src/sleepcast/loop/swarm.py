@@ -17,6 +17,7 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
+from functools import cached_property
 from math import isinf
 from typing import Protocol
 
@@ -36,6 +37,7 @@ from sleepcast.core.units import NONE, UNITS
 from sleepcast.fleet import Fleet, RobotView
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.loop.mission import is_stopped_by_others, readable
+from sleepcast.loop.quiet import QuietWorld
 from sleepcast.mind.authority import Tells
 from sleepcast.mind.views import Result
 from sleepcast.robot import RobotModel
@@ -118,7 +120,11 @@ class Desk(Protocol):
         """Receive telemetry of these robots, sampled at `now` (s)."""
 
     def attend(self) -> None:
-        """Called at every tick."""
+        """Called at every tick, or rarely while it has nothing to do."""
+
+    @property
+    def next_due(self) -> float:
+        """Before when `attend` has nothing to do, s, as long as it hears nothing."""
 
     def state(self) -> bytes:
         """The desk's whole state, for a snapshot."""
@@ -128,7 +134,8 @@ class Desk(Protocol):
 
 
 class Witness(Protocol):
-    """An observer that changes nothing: a recording."""
+    """An observer that changes nothing: a recording. Of quiet ticks that are made at once, one that `loop.quiet` calls
+    patient sees the beginning of the first and the end of the last."""
 
     def ticking(self) -> None:
         """A tick begins."""
@@ -265,12 +272,30 @@ class Swarm:
 
     def step(self) -> None:
         """One tick."""
-        step_swarm(self)
+        self.advance(1)
 
     def run(self, seconds: float) -> None:
         """Run for that many simulated seconds, as fast as possible. What is less than a tick is carried over."""
-        for _ in range(self.carried.ticks(seconds)):
-            step_swarm(self)
+        left = self.carried.ticks(seconds)
+        while left:
+            left -= self.advance(left)
+
+    def advance(self, most: int) -> int:
+        """Make one tick, or as many quiet ones at once as may be, at most `most`; gives how many. See `loop.quiet`."""
+        made = self.quiet.make(most)
+        if made:
+            return made
+        step_swarm(self)
+        return 1
+
+    @cached_property
+    def quiet(self) -> QuietWorld:
+        """What makes its quiet ticks."""
+        return QuietWorld(self)
+
+    def report(self) -> None:
+        """The last part of a tick, see the module."""
+        _report(self)
 
     def evaluate(self, name: str, text: str) -> Result:
         """Evaluate `text` on the robot called `name`, with its current readings; its messages are sent in the next

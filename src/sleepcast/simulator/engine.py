@@ -48,6 +48,9 @@ class Machine(Protocol):
     def pool(self) -> ThreadPool | None:
         """The thread pool it uses, if it has one."""
 
+    def forget(self) -> None:
+        """Forget what is known of points that were sorted before."""
+
     def sort(self, grid: Grid, x: Floats, y: Floats, /) -> Sorted: ...
 
     def candidates(self, grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float, /) -> Whole: ...
@@ -126,6 +129,9 @@ class NumPyMachine:
 
     def neighbours(self, vicinity: Vicinity, formula: Formula, robots: Whole, radius: Floats, colour: Floats) -> Floats:
         raise NotImplementedError("NumPy finds what robots sense of their neighbours from pairs")
+
+    def forget(self) -> None:
+        """Nothing: it keeps nothing."""
 
     def in_sight(self, listed: CellLists, solids: Floats) -> CellLists:
         return listed

@@ -88,7 +88,7 @@ class _Ring(NamedTuple):
 
 
 @lru_cache(maxsize=16)
-def _ring_of(cones: Cones) -> _Ring:
+def ring_of(cones: Cones) -> _Ring:
     axes = np.append(cones.axes, np.zeros(-cones.count % LANES))
     graze = sin(cones.incidence) if cones.incidence < pi / 2 else 1.0
     return _Ring(
@@ -113,6 +113,10 @@ class NumbaMachine:
         """Metres within which other bodies can touch, as far as is known."""
         self._boxed: tuple[Floats, Floats] | None = None
         """Solids and their bounding boxes."""
+
+    def forget(self) -> None:
+        """What sonars have found out about the last points does not count any more."""
+        self._around = None
 
     def sort(self, grid: Grid, x: Floats, y: Floats) -> Sorted:
         cells, order = np.empty(len(x), np.int32), np.empty(len(x), np.int32)
@@ -163,7 +167,7 @@ class NumbaMachine:
         return seen
 
     def hear(self, view: VisibleScene, which: Whole, receiver: SonarReceiver, sensed: Floats) -> None:
-        squares = self._squares(view, which, forward=not receiver.wanted[:-1][_ring_of(view.cones).rear].any())
+        squares = self._squares(view, which, forward=not receiver.wanted[:-1][ring_of(view.cones).rear].any())
         noise = receiver.noise or Noise(0.0, 0.0, 0.0, 0, 0)
         noises = noise.share, noise.dropout, np.uint64(noise.key), np.uint64(noise.dropout_key)
         edge = -1 if sensed.strides[0] % LINE else -sensed.ctypes.data % LINE // sensed.itemsize
@@ -192,7 +196,7 @@ class NumbaMachine:
             requested.fill(-1)
             requested[which] = np.arange(len(which))
             kernels.enlist(order, requested, rows)
-        ring = _ring_of(cones)
+        ring = ring_of(cones)
         squares = arena.take(np.float32, len(which), len(ring.axis_cos))
         mixed = radii is not None and bool((radii != cones.radius).any())
         wide = radii[order] if radii is not None and mixed else np.empty(0)

@@ -19,8 +19,7 @@ from sleepcast.channel.message import AGAIN, AGE, FIRST, FOR, NOT, WITHIN
 from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.mind.authority import is_ended_by, mark_of
 from sleepcast.station.roster import Roster
-from sleepcast.station.sent import Command, SentCommands
-from sleepcast.station.station import REPEAT_AFTER
+from sleepcast.station.sent import REPEAT_AFTER, Command, SentCommands
 from sleepcast.station.validation import DEADLINE
 
 SETTLE = 0.15

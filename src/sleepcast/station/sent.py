@@ -406,6 +406,10 @@ class NoSuchCommandError(MisuseError):
         super().__init__(f'no command "{command}" was sent from this desk{did_you_mean(command, names)}')
 
 
+REPEAT_AFTER = 0.5
+"""Seconds between two sendings of a STOP or RELEASE while robots are not accounted for."""
+
+
 class SentCommands:
     """The commands of one desk. latch: the last STOP or RELEASE."""
 
@@ -433,6 +437,17 @@ class SentCommands:
         sent = (each for other in others for each in (other.latch, *other.all()) if each is not None)
         releases = (each.message for each in sent if each.kind is Kind.RELEASE)
         return stop is not None and any(is_ended_by(mark_of(stop.message), release) for release in releases)
+
+    def silent(self, now: float) -> int:
+        """How many robots the latch is to be sent to again at `now`, s."""
+        if self.latch is None or now - self.latch.last_sent < REPEAT_AFTER:
+            return 0
+        return self.latch.n_silent
+
+    @property
+    def next_repeat(self) -> float:
+        """When that is so if nothing is heard until then, s; inf for never."""
+        return self.latch.last_sent + REPEAT_AFTER if self.latch is not None and self.latch.n_silent else inf
 
     def ids(self) -> list[str]:
         """The stored commands and questions, oldest first."""

@@ -70,8 +70,6 @@ DESK = "desk"
 """Who sends where nobody is named."""
 STALE_AFTER = 5.0
 """Seconds after which telemetry decides nothing in a preview."""
-REPEAT_AFTER = 0.5
-"""Seconds between two sendings of a STOP or RELEASE while robots are not accounted for."""
 MAX_REPORTS = 1_000
 """Latest reports that are stored for the page."""
 MANY = "robots"
@@ -443,16 +441,20 @@ class Station:
     def attend(self) -> None:
         """Send the last STOP or RELEASE again if robots are not accounted for; call this at every tick or so."""
         with self._lock:
-            now, latest = self._clock.now(), self._sent.latch
+            now = self._clock.now()
             if self.holding and self._heartbeat < now - self._beat:
                 self._beat = now
                 self._outbox(self._compose(Kind.HEARTBEAT, now, now + self._heartbeat, "", False, {}))
-            if latest is None or now - latest.last_sent < REPEAT_AFTER:
-                return
-            if (silent := latest.n_silent) and not self._sent.stop_ended_by(desk._sent for desk in self.beside):
+            silent, latest = self._sent.silent(now), self._sent.latch
+            if latest is not None and silent and not self._sent.stop_ended_by(desk._sent for desk in self.beside):
                 latest.last_sent = now
                 self._note(JournalEvent.REPEATED, subject=latest.id, text=latest.text, details={"silent": silent})
                 self._outbox(latest.message)
+
+    @property
+    def next_due(self) -> float:
+        """Before when `attend` has nothing to do, s of the desk's clock, as long as nothing is heard."""
+        return min(self._beat + self._heartbeat if self.holding else inf, self._sent.next_repeat)
 
     def _broadcast(
         self,

@@ -12,7 +12,10 @@ and of the one-robot machine, for any number of lanes and threads.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import lru_cache
 from hashlib import sha256
 from operator import is_
 from pathlib import Path
@@ -53,6 +56,12 @@ ABSENT, THERE, TROUBLED = range(3)
 
 Entry: TypeAlias = tuple[str, int | str]
 """One entry of the code's address table: a kind of column and which one, such as its slot, or `tick` or `time`."""
+
+
+class Moment(IntEnum):
+    """What a word of the address table says of the time: the tick as a whole number or as a real one, or s."""
+
+    WHOLE, REAL, TIME = range(3)
 
 
 class ResultColumns(NamedTuple):
@@ -242,13 +251,17 @@ class Kernel:
         """Largest number of steps of each program."""
         self.entering = [enters(program, names) for program in programs]
         """Whether each program enters others: if not, its number of steps is constant."""
+        self._written = frozenset(_written(programs, names))
         self._slots = [which for column, which in self._entries if column == "slot" and isinstance(which, int)]
         self._acted = [which for column, which in self._entries if column == "acted" and isinstance(which, int)]
         self._groups = [which for column, which in self._entries if column == "group" and isinstance(which, str)]
-        self._call = _compiled(text)
+        self.code = _compiled(text)
         self._bound: list[object] = []
+        self.bindings = 0
+        """How often the table has been filled: as long as it stays the same, so do the addresses in it."""
         self._table = np.zeros(len(self._entries) + 1, np.int64)
-        self._address = self._table.ctypes.data
+        self.table = self._table.ctypes.data
+        """The address of the table that the code gets."""
         for number, (column, which) in enumerate(self._entries):
             if column in ("function", "context") and isinstance(which, int):
                 call = self.called[which]
@@ -269,7 +282,7 @@ class Kernel:
         whether there are any.
         """
         start, stop = where.start, where.stop
-        if when is None or state.count < self.lanes or not self._bind(state, part, sinks):
+        if when is None or state.count < self.lanes or not self.bind(state, part, sinks):
             present = part[start:stop]
             present[present == THERE] = TROUBLED
             return True
@@ -282,14 +295,31 @@ class Kernel:
         for prepare, senses in self._prepared:
             PREPARE(prepare)(senses)
         if (stop - start) * self.parts < SPLIT:
-            return bool(self._call(start, stop, state.count, self._address))
+            return bool(self.code(start, stop, state.count, self.table))
 
         def work(first: int, last: int) -> int:
-            return self._call(start + first, start + last, state.count, self._address)
+            return self.code(start + first, start + last, state.count, self.table)
 
         return any(pool.share(work, borders(stop - start, pool.threads, grain=GRAIN)))
 
-    def _bind(self, state: FleetState, part: NDArray[np.uint8], sinks: Sequence[ResultColumns]) -> bool:
+    @property
+    def actuators(self) -> dict[int, tuple[int, int]]:
+        """The actuators that the programs may assign, by slot: the addresses of their values, and of who has assigned
+        them. After `bind`."""
+        places = {entry: int(self._table[number]) for number, entry in enumerate(self._entries)}
+        return {slot: (places["slot", slot], places["acted", slot]) for slot in self._acted}
+
+    @property
+    def moments(self) -> list[tuple[int, Moment]]:
+        """The addresses of the words of the table that are of the time, each with what it holds."""
+        held = {("tick", ""): Moment.WHOLE, ("time", TICK): Moment.REAL, ("time", TIME_SLOT): Moment.TIME}
+        return [(self.table + 8 * i, held[entry]) for i, entry in enumerate(self._entries) if entry in held]
+
+    def writes(self, slots: Iterable[int]) -> bool:
+        """Whether the programs may assign any of these variables."""
+        return not self._written.isdisjoint(slots)
+
+    def bind(self, state: FleetState, part: NDArray[np.uint8], sinks: Sequence[ResultColumns]) -> bool:
         """Fill the address table with the current columns; False if a column has an unexpected type."""
         now: list[object] = [state.own(slot) for slot in self._slots]
         now += [state.assigned(slot) for slot in self._acted]
@@ -310,6 +340,7 @@ class Kernel:
             self._table[number] = array.ctypes.data
             arrays.append(array)
         self._bound, self._kept = now, arrays
+        self.bindings += 1
         return True
 
 
@@ -387,10 +418,25 @@ def _written(programs: Sequence[Program], names: Meaning) -> list[int]:
 
 
 CACHE = CodeCache("rules")
+MAX_CODES = 512
+"""Functions in memory that fleets of one process share."""
 _ONE_AT_A_TIME = Lock()
 
 
-def _compiled(text: str) -> Callable[[int, int, int, int], int]:
+@dataclass(frozen=True, slots=True)
+class NativeCode:
+    """A compiled function. address: in memory; owner: keeps it alive."""
+
+    address: int
+    function: Callable[[int, int, int, int], int]
+    owner: object
+
+    def __call__(self, start: int, stop: int, count: int, table: int) -> int:
+        return self.function(start, stop, count, table)
+
+
+@lru_cache(MAX_CODES)
+def _compiled(text: str) -> NativeCode:
     """The function in a module's text, optimised for this processor, or from the cache."""
     with _ONE_AT_A_TIME:
         name = _name(text, processor())
@@ -400,15 +446,9 @@ def _compiled(text: str) -> Callable[[int, int, int, int], int]:
             CACHE.save(name, code)
         called = {symbol: libm.address(each) or 0 for each in libm.NAMES if (symbol := libm.symbol(each)) in text}
         loop = linked((code,), called)
-    function = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p)(
-        loop.address("round")
-    )
-
-    def call(start: int, stop: int, count: int, table: int) -> int:
-        return int(function(start, stop, count, table))
-
-    call.owns = loop  # type: ignore[attr-defined]  # the code must stay as long as it is called
-    return call
+    address = loop.address("round")
+    types = ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p
+    return NativeCode(address, ctypes.CFUNCTYPE(ctypes.c_int64, *types)(address), loop)
 
 
 def _name(*depends: str) -> str:

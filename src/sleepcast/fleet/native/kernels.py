@@ -117,6 +117,20 @@ class Kernels:
             plan.native = any(leg.kernel is not None for leg in plan.legs)
         return plan if plan.native else None
 
+    def known_plan(self, mind: Mind) -> SequencePlan | None:
+        """The plan of a mind if native code evaluates all of its rules, as it is now; None otherwise."""
+        plan = self._of_mind.get(mind)
+        if plan is None or plan.version != self._ready or not plan.legs:
+            return None
+        return plan if all(leg.kernel is not None for leg in plan.legs) else None
+
+    def everybody(self, state: FleetState) -> NDArray[np.uint8]:
+        """The marks of the robots that take part in an evaluation: all of them."""
+        if len(self._part) != state.count:
+            self._part = filled(0, np.uint8, state.count)
+        self._part[:] = THERE
+        return self._part
+
     def _ask_for(self, plan: SequencePlan, state: FleetState) -> None:
         if len(self._rules) >= MAX_KERNELS:
             self._rules.clear()
@@ -170,7 +184,11 @@ class Kernels:
         part[index] = THERE
         if not kernel.run(state, part, range(start, stop), when, sinks, self._pool):
             return Rows.run(start, start)
-        return Rows.of(np.flatnonzero(part[start:stop] == TROUBLED) + start)
+        return self.troubled(start, stop)
+
+    def troubled(self, start: int, stop: int) -> Rows:
+        """Those of the robots from `start` to `stop` (exclusive) that native code has left to be walked."""
+        return Rows.of(np.flatnonzero(self._part[start:stop] == TROUBLED) + start)
 
     # ---- texts
 

@@ -77,6 +77,16 @@ class Neighbours:
         """Invalidate the sorted bodies: they have moved."""
         self._images = self._points = None
 
+    def know(self, points: Sorted, x: Floats, y: Floats) -> None:
+        """These are the bodies at x, y (m) by cell, in arrays that may hold others later."""
+        self._machine.forget()
+        self.images(x, y)
+        self._points = points
+
+    def knows(self, points: Sorted) -> bool:
+        """Whether these arrays are still the bodies by cell."""
+        return self._points is points
+
     def images(self, x: Floats, y: Floats) -> Images:
         """The bodies at x, y (m), and on a torus their images."""
         if self._images is None:
@@ -138,14 +148,15 @@ class Bumpers:
     def __init__(self, radii: Floats, reach: float, near: Neighbours, machine: Machine) -> None:
         self.radii = radii
         alike = radii.min(initial=np.inf) == radii.max(initial=0.0)
-        self._of_each = radii[:1].copy() if alike else radii
-        self._near, self._machine, self._reach = near, machine, reach
+        self.of_each = radii[:1].copy() if alike else radii
+        """Radii by body, or one for all, m."""
+        self._near, self._machine, self.reach = near, machine, reach
 
     def settle(self, x: Floats, y: Floats, dx: Floats, dy: Floats, settled: Settled) -> None:
         """Write into `settled` how far bodies at x, y (m) get along `dx` and `dy` (m)."""
-        near, listed = self._near, self._near.solids(self._reach)
+        near, listed = self._near, self._near.solids(self.reach)
         every_x, every_y, of = near.images(x, y)
-        radii = self._of_each[of] if len(self._of_each) > 1 else self._of_each
+        radii = self.of_each[of] if len(self.of_each) > 1 else self.of_each
         every = settled if len(every_x) == len(x) else Settled(*np.empty((3, len(every_x))))
         positions, way = (every_x, every_y), (dx[of], dy[of])
         self._machine.settle(near.grid, near.points(x, y), listed, near.lines, radii, positions, way, every)
@@ -212,7 +223,7 @@ class Bumpers:
         every, radii = np.arange(len(x)), self.radii
         images = self._near.images(x, y)
         x, y = images.x[: len(radii)], images.y[: len(radii)]
-        listed, solids = self._near.solids(self._reach), self._near.lines
+        listed, solids = self._near.solids(self.reach), self._near.lines
         cell = self._near.grid.cells_of(x, y)
         k, item = spread(every, listed.start[cell], listed.start[cell + 1])
         lines = solids[listed.items[item]]
@@ -321,6 +332,12 @@ class Sonars:
     def forget(self) -> None:
         """Invalidate the readings: bodies or obstacles have moved."""
         self._fresh[:] = False
+
+    def note(self, wanted: NDArray[np.bool_]) -> None:
+        """All readings are up to date in the `wanted` rows: somebody else has measured them. shape (sonars + 1,)"""
+        self._version = self._near.world.version
+        self._wanted = wanted.copy()
+        self._fresh[:] = True
 
     def sense(
         self,

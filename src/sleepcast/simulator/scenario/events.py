@@ -83,11 +83,15 @@ def _check(events: Sequence[tuple[Event, Table]], present_at_start: set[str], ab
             present.discard(event.name)
 
 
+def event_ticks(events: Sequence[Event], tick: float) -> list[int]:
+    """The tick on which each of these falls; the first is 1, on which those of the start fall, too. tick: s in each."""
+    return [max(1, tick_at(event.time, tick)) for event in events]
+
+
 def apply_events(world: World, events: Sequence[Event], things: Sequence[Shape], on: int, tick: float) -> None:
-    """Apply the events that fall on the tick `on`; the first is 1, on which those of the start fall, too.
-    things: all that may be added. tick: s in each."""
-    for event in events:
-        if max(1, tick_at(event.time, tick)) == on:
+    """Apply the events that fall on the tick `on`. things: all that may be added. tick: s in each."""
+    for event, due in zip(events, event_ticks(events, tick), strict=True):
+        if due == on:
             numbers = [number for number, shape in world.shapes.items() if shape.name == event.name]
             if event.sort == "add":
                 for shape in things:

@@ -83,6 +83,10 @@ class Measuring:
                     del series[1::2]
                     self._thin(index, 2 * self._thinned[index])
 
+    def following(self, tick: int) -> int | None:
+        """The next tick after this one at which a sample is due, None without any series."""
+        return min((due.following(tick) for due in self._due), default=None)
+
     def series(self) -> dict[str, list[list[float]]]:
         """The samples so far, for each measure a list of [seconds, metres]."""
         return {spec.name: list(series) for spec, series in zip(self._specs, self._series, strict=True)}

@@ -1,0 +1,164 @@
+"""What a tick without messages takes of a fleet's minds: the native code of its rules, to be called by somebody else.
+
+`QuietMinds` tells whether all robots have the same rules, all of them in native code, and nothing else to do; which
+functions are to be called in a tick, with which tables; and it notes afterwards what the ticks have come to, as
+`Fleet.think` does for each of them.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from sleepcast.fleet.fleet import Fleet
+from sleepcast.fleet.native.compiler import Kernel
+from sleepcast.fleet.native.kernels import SequencePlan
+from sleepcast.fleet.state import Mind
+from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, FROZEN, SLEEPING, TICK, TIME_SLOT
+
+MOST = 254
+"""Ticks after which a fleet counts what its rules have matched."""
+
+
+class QuietRules(NamedTuple):
+    """The native code of the rules of all robots, leg by leg.
+
+    legs: the addresses of each one's function and table, see `native.compiler`
+    moments: addresses of words that are to hold the time, each with what of it (`native.compiler.Moment`)
+    steps: the addresses of the columns of steps whose maxima are wanted
+    actuators: that rules may assign, by name: the addresses of their values, and of who has assigned them
+    drawn: the address of the numbers drawn by each robot, to be 0 before
+    """
+
+    legs: list[tuple[int, int]]
+    moments: list[tuple[int, int]]
+    steps: list[int]
+    actuators: dict[str, tuple[int, int]]
+    drawn: int
+
+
+NOTHING = QuietRules([], [], [], {}, 0)
+
+
+class QuietMinds:
+    """The minds of a fleet in quiet ticks; see the module."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        self._fleet = fleet
+        self._everybody = fleet.rows()
+        self._plan: SequencePlan | None = None
+        self._bindings: list[int] = []
+        self._rules = NOTHING
+        self._asked: Mind | None = None
+
+    def ready(self) -> int:
+        """How many ticks may follow in which nothing but native rules are evaluated, on all robots alike, or nothing at
+        all; 0 if there is something else to do. Then `rules` says which."""
+        fleet, state = self._fleet, self._fleet.state
+        statistics = fleet.memory.statistics
+        busy = not fleet.inbox.empty or not fleet.outbox.empty or fleet.measured or statistics.leases
+        if busy or state.one_mind is None or not fleet.authority.idle:
+            return 0
+        if fleet.scheduler.left_over or fleet.safety.resting(self._everybody) is not None or state.still.any():
+            return 0
+        mind = fleet.minds[state.one_mind]
+        if not mind.running:
+            self._plan, self._rules, self._bindings = None, NOTHING, []
+            return MOST if not self._pending({}) else 0
+        plan = fleet.kernels.known_plan(mind) if fleet.kernels is not None else None
+        if plan is None or not self._bound(plan):
+            return 0
+        return min(statistics[key].uncounted for key in plan.keys)
+
+    @property
+    def awake(self) -> bool:
+        """Whether there are rules."""
+        return self._plan is not None
+
+    @property
+    def rules(self) -> QuietRules:
+        """After `ready`: the same object as long as nothing has changed."""
+        return self._rules
+
+    def _bound(self, plan: SequencePlan) -> bool:
+        """Let the native code of a plan read and write the columns as they are now. False if it cannot."""
+        state, scheduler, kernels = self._fleet.state, self._fleet.scheduler, self._fleet.kernels
+        if plan is not self._plan and not self._suits(plan):
+            return False
+        if not scheduler.affordable(plan) or kernels is None:
+            return False
+        part, done, bindings = kernels.everybody(state), 0, []
+        for leg, kernel in zip(plan.legs, _kernels(plan), strict=True):
+            if not kernel.bind(state, part, scheduler.sinks(plan.keys[done : done + leg.rules], kernel)):
+                return False
+            done += leg.rules
+            bindings.append(kernel.bindings)
+        if plan is not self._plan or bindings != self._bindings:
+            self._plan, self._bindings, self._rules = plan, bindings, self._of(plan)
+        actuators = {slot: places for kernel in _kernels(plan) for slot, places in kernel.actuators.items()}
+        return not self._pending(actuators)
+
+    def _suits(self, plan: SequencePlan) -> bool:
+        """Whether rules change nothing that matters to other parts of a tick than the bodies' actuators."""
+        watched = [SLEEPING, FROZEN, *range(ACTIVE0, ACTIVE0 + BUFFERS)]
+        return not any(kernel.writes(watched) or kernel.lanes > self._fleet.state.count for kernel in _kernels(plan))
+
+    def _pending(self, but: dict[int, tuple[int, int]]) -> bool:
+        """Whether any other actuator was assigned."""
+        return any(robots.any() for slot, robots in self._fleet.state.actuated.items() if slot not in but)
+
+    def _of(self, plan: SequencePlan) -> QuietRules:
+        fleet, state, kernels = self._fleet, self._fleet.state, _kernels(plan)
+        first, names = fleet.vocabulary.first_actuator, fleet.vocabulary.actuators
+        actuators = {slot: places for kernel in kernels for slot, places in kernel.actuators.items()}
+        return QuietRules(
+            [(kernel.code.address, kernel.table) for kernel in kernels],
+            [moment for kernel in kernels for moment in kernel.moments],
+            [fleet.memory.statistics[key].own_steps().ctypes.data for key in _entering(plan)],
+            {names[slot - first].name: places for slot, places in actuators.items()},
+            state.draws.ctypes.data,
+        )
+
+    def reads(self) -> frozenset[int]:
+        """See `Fleet.reads`."""
+        return self._fleet.reads()
+
+    # ---- afterwards
+
+    def note(self, ticks: int, most: list[int]) -> None:
+        """So many ticks are over. most: the most steps of each column of `QuietRules.steps`."""
+        plan = self._plan
+        if plan is None or not ticks:
+            return
+        highest = dict(zip(_entering(plan), most, strict=True))
+        bounds = [steps for kernel in _kernels(plan) for steps in kernel.steps]
+        for key, steps in zip(plan.keys, bounds, strict=True):
+            self._fleet.memory.statistics[key].ran_often(steps, ticks, highest.get(key))
+
+    def at(self, tick: int, now: float) -> None:
+        """The last tick has this number, and ends at `now` (s)."""
+        state = self._fleet.state
+        if self._plan is not None:
+            state.assign(TICK, self._everybody, float(tick))
+            state.assign(TIME_SLOT, self._everybody, float(now))
+            self._fleet.tidy()
+
+    def finish(self, leg: int) -> None:
+        """The native code of this leg has left robots in the latest tick: walk them, and let all run the rest of their
+        rules."""
+        fleet, plan = self._fleet, self._plan
+        assert plan is not None
+        assert fleet.kernels is not None
+        everybody = self._everybody
+        fleet.scheduler.resume(plan, leg, fleet.kernels.troubled(0, everybody.size))
+        fleet.safety.hold(everybody)
+        fleet.tidy()
+
+
+def _kernels(plan: SequencePlan) -> list[Kernel]:
+    return [leg.kernel for leg in plan.legs if leg.kernel is not None]
+
+
+def _entering(plan: SequencePlan) -> list[str]:
+    """The keys of the rules whose steps differ from robot to robot."""
+    each = [entering for kernel in _kernels(plan) for entering in kernel.entering]
+    return [key for key, entering in zip(plan.keys, each, strict=True) if entering]

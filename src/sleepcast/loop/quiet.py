@@ -1,0 +1,264 @@
+"""Quiet ticks: those in which nothing comes in or goes out, so that bodies only move, sensors measure and rules run.
+
+Nearly all that a tick of few robots takes is Python: which messages are due, whether somebody's lease has ended, what
+is to be measured. As long as that is known to be nothing, ticks are made by compiled code alone, some dozens in one
+call, and of many swarms in one call (`QuietTicks`). They come to the same, bit for bit.
+
+`QuietWorld` is the one place that says what a quiet tick is. The last tick of a call may have something to report:
+telemetry, a measure, a desk that attends. What else is due - an order, a message, an event - makes a tick one like all
+others, which `step_swarm` makes.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import deque
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from math import inf
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
+
+from sleepcast.channel import Message
+from sleepcast.channel.simulated_radio import Radio
+from sleepcast.columns.values import Rows
+from sleepcast.core.ticks import tick_at
+from sleepcast.fleet import Fleet
+from sleepcast.fleet.quiet import QuietMinds
+from sleepcast.simulator import Order, Simulator
+from sleepcast.simulator.scenario.events import event_ticks
+
+if TYPE_CHECKING:
+    from sleepcast.simulator.quiet.blocks import BodyBlock, WorldTable
+
+LONGEST = 20_000
+"""Robots times ticks of one call at most: some hundredths of a second, in which nothing can interrupt it."""
+SHARED = 1_000
+"""Robots from which on several threads make a tick sooner than compiled code on one."""
+
+
+@runtime_checkable
+class Patient(Protocol):
+    """A witness that need not see each tick. patient: whether it is."""
+
+    patient: bool
+
+
+class QuietDesk(Protocol):
+    """A desk as quiet ticks see it."""
+
+    @property
+    def next_due(self) -> float: ...
+
+
+class QuietSwarm(Protocol):
+    """A swarm as quiet ticks see it; see `swarm.Swarm`."""
+
+    simulator: Simulator
+    fleet: Fleet
+    radio: Radio
+    posted: deque[Message]
+    mission: deque[Order]
+    senders: list[Callable[[], None]]
+    telemetry_ticks: int
+    sonars: frozenset[int]
+    thought: Rows
+    whole: bool
+
+    @property
+    def witnesses(self) -> Sequence[QuietWitness]: ...
+
+    @property
+    def desks(self) -> Sequence[QuietDesk]: ...
+
+    @property
+    def quiet(self) -> QuietWorld: ...
+
+    def rows_of(self, sonars: frozenset[int], /) -> list[int]: ...
+
+    def report(self) -> None: ...
+
+    def advance(self, most: int, /) -> int: ...
+
+    def step(self) -> None: ...
+
+
+class QuietWitness(Protocol):
+    """A witness as quiet ticks see it; see `swarm.Witness`."""
+
+    def ticking(self) -> None: ...
+
+    def ticked(self) -> None: ...
+
+
+class QuietWorld:
+    """Makes the quiet ticks of one swarm. ticks: how many it has made."""
+
+    def __init__(self, swarm: QuietSwarm) -> None:
+        self._swarm = swarm
+        self._minds = QuietMinds(swarm.fleet)
+        scenario = swarm.simulator.scenario
+        self._tick = scenario.tick
+        self._events = sorted(event_ticks(scenario.events, scenario.tick))
+        self._everybody, self._nobody = Rows.run(0, len(swarm.fleet)), Rows.run(0, 0)
+        self._most = max(1, LONGEST // len(swarm.fleet))
+        self._alone: WorldTable | None = None
+        self._told: object = None
+        self.ticks = 0
+
+    def make(self, most: int) -> int:
+        """Make so many quiet ticks, or fewer; gives how many, 0 if the next tick is none."""
+        if self.block is None:
+            return 0
+        if self._alone is None:
+            from sleepcast.simulator.quiet.blocks import WorldTable
+
+            self._alone = WorldTable([self.block])
+        if not self.begin(most):
+            return 0
+        self._alone.make([0])
+        return self.end()
+
+    @cached_property
+    def block(self) -> BodyBlock | None:
+        """The bodies for compiled code; None where there is none for all that they do."""
+        simulator = self._swarm.simulator
+        if simulator.bodies.machine.name != "numba":
+            return None
+        if simulator.pool.threads > 1 and len(self._swarm.fleet) > SHARED:
+            return None
+        from sleepcast.simulator.quiet.blocks import BodyBlock, covered
+
+        return BodyBlock(simulator) if covered(simulator) else None
+
+    # ---- what a quiet tick is
+
+    def quiet_for(self, most: int) -> int:
+        """How many ticks will be quiet from now on, at most `most`; the last one may have something to report."""
+        swarm = self._swarm
+        if swarm.posted or swarm.senders or self.block is None or not self.block.suits:
+            return 0
+        if not all(isinstance(each, Patient) and each.patient for each in swarm.witnesses):
+            return 0
+        now = swarm.simulator.tick
+        most = min(most, self._most, self._before_orders(now), self._before_messages(now), self._before_reports(now))
+        return min(most, self._minds.ready()) if most > 0 else 0
+
+    def _before_orders(self, now: int) -> int:
+        """Ticks before the next order or event."""
+        swarm = self._swarm
+        following = bisect_right(self._events, now)
+        due = [self._events[following]] if following < len(self._events) else []
+        if swarm.mission and swarm.desks:
+            due.append(tick_at(swarm.mission[0].time, self._tick))
+        return min(due) - 1 - now if due else self._most
+
+    def _before_messages(self, now: int) -> int:
+        """Ticks before something arrives by radio."""
+        due = self._swarm.radio.next_due
+        if due == inf or due == -inf:
+            return self._most if due > 0.0 else 0
+        ticks = int(due / self._tick) + 2 - now
+        while ticks > 0 and (now + ticks) * self._tick >= due:
+            ticks -= 1
+        return ticks
+
+    def _before_reports(self, now: int) -> int:
+        """Ticks up to the next one that has something to report: at least 1."""
+        swarm, ticks = self._swarm, [self._most]
+        if swarm.desks:
+            ticks.append(swarm.telemetry_ticks - now % swarm.telemetry_ticks)
+        for desk in swarm.desks:
+            if desk.next_due < inf:
+                ticks.append(max(1, int(desk.next_due / self._tick) - 1 - now))
+        if swarm.simulator.scenario.measures:
+            following = swarm.simulator.measuring.following(now)
+            ticks += [] if following is None else [following - now]
+        return min(ticks)
+
+    # ---- making them
+
+    def begin(self, most: int) -> int:
+        """Get ready for so many quiet ticks, or fewer; gives how many. `end` is to follow once they are made."""
+        ticks = self.quiet_for(most)
+        if not ticks or self.block is None:
+            return 0
+        swarm, block, minds = self._swarm, self.block, self._minds
+        for witness in swarm.witnesses:
+            witness.ticking()
+        swarm.whole = False
+        if minds.rules is not self._told:
+            self._told = minds.rules
+            block.think(*minds.rules)
+        asked = swarm.sonars & minds.reads() if minds.awake else frozenset[int]()
+        block.listen(swarm.rows_of(asked))
+        block.prepare()
+        sampled = bool(swarm.desks) and (swarm.simulator.tick + ticks) % swarm.telemetry_ticks == 0
+        block.begin(ticks, sampled and bool(swarm.sonars) and (bool(asked) or swarm.radio.reaches_all))
+        return ticks
+
+    def end(self) -> int:
+        """Note what has come of them, and report; gives how many there were."""
+        swarm, block, minds = self._swarm, self.block, self._minds
+        assert block is not None
+        ticks, trouble = block.done, block.trouble
+        block.note()
+        simulator = swarm.simulator
+        minds.note(ticks, block.most_steps)
+        minds.at(simulator.tick, simulator.time)
+        if trouble is not None:
+            minds.finish(trouble)
+            ticks += 1
+        swarm.thought = self._everybody if minds.awake else self._nobody
+        if simulator.scenario.measures:
+            simulator.measuring.observe(simulator.tick, simulator.time)
+        swarm.report()
+        swarm.whole = True
+        for witness in swarm.witnesses:
+            witness.ticked()
+        self.ticks += ticks
+        return ticks
+
+
+class QuietTicks:
+    """Several swarms of which each call lets all make ticks; quiet ones in one call of compiled code.
+
+    swarms: of any sizes and scenarios. They are the caller's: between two calls each may be looked at, commanded and
+        changed as always, and its ticks come to the same as if it ran alone, bit for bit.
+    threads: that share the work; the result does not depend on them.
+
+    Making ready takes some tenths of a millisecond for each swarm, once.
+    """
+
+    def __init__(self, swarms: Sequence[QuietSwarm], threads: int = 1) -> None:
+        self._swarms, self._threads = swarms, threads
+        self._places = [-1] * len(swarms)
+        """Of the swarms in the table."""
+        self._table = self._ready()
+
+    def step(self, ticks: int = 1) -> None:
+        """Let each swarm make so many ticks."""
+        left = [ticks] * len(self._swarms)
+        worlds = [each.quiet for each in self._swarms]
+        while any(left):
+            begun = [most > 0 and world.begin(most) > 0 for world, most in zip(worlds, left, strict=True)]
+            if self._table is not None and any(begun):
+                self._table.make([place for place, quiet in zip(self._places, begun, strict=True) if quiet])
+            for number, quiet in enumerate(begun):
+                if quiet:
+                    left[number] -= worlds[number].end()
+                elif left[number]:
+                    self._swarms[number].step()
+                    left[number] -= 1
+
+    def _ready(self) -> WorldTable | None:
+        """The table of all swarms for which there is compiled code; None without any."""
+        blocks: list[BodyBlock] = []
+        for number, swarm in enumerate(self._swarms):
+            if swarm.quiet.block is not None:
+                self._places[number] = len(blocks)
+                blocks.append(swarm.quiet.block)
+        if not blocks:
+            return None
+        from sleepcast.simulator.quiet.blocks import WorldTable
+
+        return WorldTable(blocks, self._threads)

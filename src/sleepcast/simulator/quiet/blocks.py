@@ -1,0 +1,389 @@
+"""The bodies of a world as a block of words, for compiled code that lets many worlds make quiet ticks in one call.
+
+`covered` tells which worlds can be such blocks. A block holds the addresses of the world's own arrays, which the
+compiled code changes in place, and the arguments of the kernels that a tick calls: the same ones that
+`fast.NumbaMachine` and `bodies.proximity` give them, so that every bit is the same.
+
+Kernels write into scratch memory that worlds may share which are never stepped at one time.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import cache
+from itertools import pairwise
+from math import frexp, ldexp
+from typing import Any, NamedTuple, TypeAlias, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.core.arrays import LINE, block
+from sleepcast.core.threads import ThreadPool, borders
+from sleepcast.simulator import fast
+from sleepcast.simulator.bodies.proximity import Sonars
+from sleepcast.simulator.motion import kernels_motion
+from sleepcast.simulator.motion.steps import SKIN, Displacement, Settled, boxes_of
+from sleepcast.simulator.quiet import kernels_chance as chance
+from sleepcast.simulator.quiet import kernels_quiet as words
+from sleepcast.simulator.simd.vectors import LANES
+from sleepcast.simulator.simulation import Simulator
+from sleepcast.simulator.sonar import kernels, kernels_sonar
+from sleepcast.simulator.world.grid import Sorted
+from sleepcast.simulator.world.walls import Walls
+
+Words: TypeAlias = NDArray[np.int64]
+
+CALLED: tuple[Callable[..., object], ...] = (
+    *(kernels_motion.propose, kernels_motion.commit, kernels_motion.gather),
+    *(kernels_motion.stop_at_old, kernels_motion.stop_at_ways),
+    *(kernels.count, kernels.begin, kernels.place, kernels.fix, kernels_sonar.see, kernels.hear),
+)
+"""The kernels, in the order of `kernels_quiet.KERNELS`."""
+
+
+@cache
+def addresses() -> Words:
+    """The addresses of the kernels, for their types of arguments; compiled now if they were not yet."""
+    return np.array([_address(each, types) for each, types in zip(CALLED, words.TYPES, strict=True)], np.int64)
+
+
+def _address(kernel: Any, types: tuple[Any, ...]) -> int:
+    if types not in kernel.overloads:
+        kernel.compile(types)
+    compiled = kernel.overloads[types]
+    return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
+
+
+def flat(value: object) -> list[int]:
+    """An argument as the words that compiled functions pass for it, signed."""
+    if isinstance(value, np.ndarray):
+        return [0, 0, value.size, value.itemsize, value.ctypes.data, *value.shape, *value.strides]
+    if isinstance(value, tuple):
+        return [word for each in value for word in flat(each)]
+    if isinstance(value, float):
+        return [int(np.float64(value).view(np.int64))]
+    return [int(np.uint64(int(cast(int, value)) & 0xFFFF_FFFF_FFFF_FFFF).view(np.int64))]
+
+
+class Scratch:
+    """Memory for worlds of at most `robots` robots with `sonars` sonars each, in `cells` cells, that are stepped one
+    after the other."""
+
+    def __init__(self, robots: int, sonars: int, cells: int) -> None:
+        reals = [_aligned(np.float64, robots) for _ in range(9)]
+        self.ways = Displacement(*reals[:3])
+        self.free = reals[3]
+        self.stopped = Settled(*reals[4:7])
+        self.rows = _aligned(np.float64, 2, robots)
+        self.near, self.ones = np.zeros(robots, np.bool_), np.ones(robots, np.bool_)
+        self.fixed = np.zeros((2, robots + LANES), np.int32)
+        self.cells, self.counts = np.zeros(robots, np.int32), np.zeros((1, cells), np.int32)
+        self.squares = _aligned(np.float32, robots, sonars)
+        self.everybody = np.arange(robots)
+
+
+def _aligned(dtype: type[np.generic], *shape: int) -> NDArray[Any]:
+    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    return block(size).view(dtype).reshape(shape)
+
+
+class Needs(NamedTuple):
+    """What scratch memory a world needs, see `Scratch`."""
+
+    robots: int
+    sonars: int
+    cells: int
+
+
+def covered(simulator: Simulator) -> bool:
+    """Whether the ticks of a world can be made by compiled code alone, as long as nothing comes from outside."""
+    scenario, bodies = simulator.scenario, simulator.bodies
+    senses = scenario.lights or scenario.pings or scenario.neighbours or scenario.stocks or scenario.fields
+    sonars = bodies.sonars
+    rings = sonars is None or (isinstance(sonars, Sonars) and sonars.radii is None and not sonars.crosstalk)
+    plain = bodies.machine.name == "numba" and bodies.laws.track > 0.0 and not bodies.parts[1:]
+    still = not (scenario.torus or scenario.noise or bodies.counts or bodies.laws.slides)
+    return plain and rings and still and not senses and simulator.payload is None
+
+
+class BodyBlock:
+    """The block of a world that is `covered`.
+
+    words: see `kernels_quiet`, which says what the others are for that a swarm puts there
+    """
+
+    def __init__(self, simulator: Simulator) -> None:
+        self._simulator, self._bodies = simulator, simulator.bodies
+        bodies, grid = self._bodies, self._bodies.near.grid
+        self.words: Words = np.zeros(words.LENGTH, np.int64)
+        self._reals = self.words.view(np.float64)
+        self._points = Sorted(np.zeros(bodies.count, np.int32), np.zeros(grid.cells + 1, np.int32))
+        self._close = np.ones(bodies.count, np.bool_)
+        self._kept: dict[str, object] = {}
+        sonars = bodies.sonars
+        self._sonars = sonars if isinstance(sonars, Sonars) else None
+        padded = 0 if self._sonars is None else self._sonars.ring.count + -self._sonars.ring.count % LANES
+        self.needs = Needs(bodies.count, padded, grid.cells)
+        self._version = -1
+        self._wanted: frozenset[int] | None = None
+        self._some = np.zeros(0 if self._sonars is None else self._sonars.ring.count + 1, np.bool_)
+        self._all = ~self._some
+        self._scratch: Scratch | None = None
+        self.think((), (), (), {}, 0)
+
+    @property
+    def suits(self) -> bool:
+        """Whether the sonars, if there are any, look ahead of their bodies and fire all at once, as they do unless
+        somebody has arranged them otherwise."""
+        sonars = self._sonars
+        return sonars is None or not (sonars.firing.in_order or sonars.turret is not None)
+
+    @property
+    def address(self) -> int:
+        return int(self.words.ctypes.data)
+
+    def use(self, scratch: Scratch) -> None:
+        """Let kernels write into this memory."""
+        if scratch is not self._scratch:
+            self._scratch, self._version = scratch, -1
+
+    def put(self, name: str, place: int, numbers: Words) -> None:
+        """Put the address of an array of words there."""
+        self._kept[name] = numbers
+        self.words[place] = numbers.ctypes.data
+
+    # ---- before ticks
+
+    def think(
+        self,
+        legs: Sequence[tuple[int, int]],
+        moments: Sequence[tuple[int, int]],
+        steps: Sequence[int],
+        actuators: Mapping[str, tuple[int, int]],
+        drawn: int,
+        prepares: Sequence[tuple[int, int]] = (),
+    ) -> None:
+        """What rules run, and which actuators they assign; none: robots do not think. See `fleet.quiet.QuietRules`.
+
+        prepares: functions to be called before rules, once bodies have moved: the addresses of their code and context
+        """
+        bodies = self._bodies
+        wanted = {"drive_speed": bodies.wanted_speed, "drive_turn": bodies.wanted_turn}
+        acts = [(*places, wanted[name].ctypes.data) for name, places in actuators.items()]
+        self.put("acts", words.ACTS, listed(acts))
+        self.put("legs", words.LEGS, listed(legs))
+        self.put("moments", words.MOMENTS, listed(moments))
+        self.put("prepares", words.PREPARES, listed(prepares))
+        self._steps = listed([(address, 0) for address in steps])
+        self.put("steps", words.MOST_STEPS, self._steps)
+        self.words[words.DRAWN] = drawn
+        self.words[words.AWAKE] = bool(legs)
+
+    def begin(self, ticks: int, sampled: bool) -> None:
+        """The next call is to make so many ticks. sampled: whether all sonars are wanted in the last one."""
+        self.words[words.TICKS], self.words[words.SAMPLED] = ticks, sampled
+        self._steps[2::2] = 0
+
+    @property
+    def done(self) -> int:
+        """Whole ticks of the last call."""
+        return int(self.words[words.DONE])
+
+    @property
+    def trouble(self) -> int | None:
+        """The leg that has left robots to be walked in the tick after those; None for none."""
+        leg = int(self.words[words.TROUBLE])
+        return leg - 1 if leg else None
+
+    @property
+    def most_steps(self) -> list[int]:
+        """The maxima of the columns of steps."""
+        return cast("list[int]", self._steps[2::2].tolist())
+
+    def prepare(self) -> None:
+        """Bring the block up to date with the world."""
+        bodies = self._bodies
+        if self._version != bodies.world.version:
+            self._version = bodies.world.version
+            self._fill()
+        self.words[words.TICK] = bodies.tick
+        self.words[words.SORTED] = bodies.near.knows(self._points)
+
+    def listen(self, rows: Collection[int]) -> None:
+        """Which rows of `Simulator.sensed` that sonars fill are wanted in each tick; none: nothing is measured."""
+        wanted = frozenset(rows)
+        if wanted == self._wanted:
+            return
+        self._wanted = wanted
+        self._some[:] = False
+        self._some[[row - len(self._bodies.sensors) for row in wanted]] = True
+        self.words[words.SEES] = bool(wanted)
+        if self._sonars is not None:
+            rear = fast.ring_of(self._sonars.cones).rear
+            self.words[words.FORWARD] = not self._some[:-1][rear].any()
+
+    def _fill(self) -> None:
+        """Write everything that stays the same as long as the world does."""
+        bodies, scratch = self._bodies, self._scratch
+        assert scratch is not None
+        own, count = self.words, bodies.count
+        free = scratch.free[:count]
+        own[words.COUNT], self._reals[words.STEP] = count, bodies.scenario.tick
+        own[words.STOPPED], own[words.MODE] = bodies.stopped.ctypes.data, bodies.mode.ctypes.data
+        own[words.DRAWS] = bodies.laws.slips
+        own[words.FREE] = free.ctypes.data
+        own[words.HIT_X], own[words.HIT_Y] = bodies.hit_x.ctypes.data, bodies.hit_y.ctypes.data
+        self.put("texts", words.TEXTS, chance_texts(bodies.seed))
+        self.put("keys", words.KEYS, np.zeros(2 * chance.KEYS, np.int64))
+        own[words.KEYED] = -1
+        self._kept["columns"] = columns = bodies.columns
+        proposal = scratch.ways.of(slice(0, count))
+        draws = np.uint64(0), np.uint64(0), np.uint64(0)
+        self._call(words.PROPOSE, columns, bodies.laws, *draws, proposal, 0, count)
+        self._call(words.COMMIT, columns, bodies.laws, proposal, free, bodies.hit_x, bodies.hit_y, 0, count)
+        drained = [
+            (row.ctypes.data, flat(drain * bodies.scenario.tick)[0])
+            for row, drain in zip(bodies.stores, bodies.drains.tolist(), strict=True)
+            if drain
+        ]
+        self.put("drains", words.DRAINS, listed(drained))
+        self._fill_cells(scratch)
+        if bodies.contact is not None:
+            self._fill_contact(scratch, proposal, free)
+        if self._sonars is not None:
+            self._fill_sonars(scratch, self._sonars)
+
+    def _fill_cells(self, scratch: Scratch) -> None:
+        bodies, own, grid = self._bodies, self.words, self._bodies.near.grid
+        count, counts = bodies.count, scratch.counts[:, : grid.cells]
+        cells, size = scratch.cells[:count], (grid.size, grid.columns, grid.rows)
+        own[words.CELLS], own[words.COUNTS] = grid.cells, counts.ctypes.data
+        self._call(words.COUNT_CELLS, bodies.x, bodies.y, *size, 0, count, cells, counts[0])
+        self._call(words.BEGIN, counts, self._points.start)
+        self._call(words.PLACE, cells, 0, count, counts[0], self._points.order)
+        self._reals[words.BESIDE] = np.inf
+
+    def _fill_contact(self, scratch: Scratch, proposal: Displacement, free: NDArray[np.float64]) -> None:
+        bodies, own, near = self._bodies, self.words, self._bodies.near
+        contact, grid, count = bodies.contact, near.grid, bodies.count
+        assert contact is not None
+        listed_, solids = near.solids(contact.reach), near.lines
+        boxes = boxes_of(solids)
+        rows = np.frombuffer(scratch.rows, np.float64, 2 * count).reshape(2, count)
+        stopped = [column[:count] for column in scratch.stopped]
+        settled = free, bodies.hit_x, bodies.hit_y
+        radii = contact.of_each
+        self._kept["contact"] = listed_, solids, boxes, rows, radii
+        own[words.TOUCHES] = 1
+        own[words.CLOSE], own[words.ONES] = self._close.ctypes.data, scratch.ones.ctypes.data
+        own[words.NEAR] = scratch.near.ctypes.data
+        self._reals[words.WIDE], self._reals[words.SKIN] = 2.0 * float(radii.max(initial=0.0)), SKIN
+        self._reals[words.ROUNDING], self._reals[words.AGAIN] = fast.ROUNDING, fast.AGAIN
+        way, size = (proposal.dx, proposal.dy), (grid.size, grid.columns, grid.rows)
+        marks = scratch.ones[:count], scratch.near[:count]
+        self._call(words.GATHER, self._points.order, bodies.x, bodies.y, *way, 0, count, rows)
+        self._call(
+            words.STOP_AT_OLD,
+            *(rows[0], rows[1], *way, radii, *self._points, *size, solids, boxes, *listed_),
+            *(SKIN, 0.0, 0.0, 0, grid.rows, *marks, *stopped, *settled),
+        )
+        self._call(
+            words.STOP_AT_WAYS,
+            *(rows[0], rows[1], *way, radii, *self._points, *size),
+            *(SKIN, 0.0, 0, grid.rows, marks[1], *stopped, *settled),
+        )
+
+    def _fill_sonars(self, scratch: Scratch, sonars: Sonars) -> None:
+        bodies, own, near, count = self._bodies, self.words, self._bodies.near, self._bodies.count
+        cones, ring, grid = sonars.cones, fast.ring_of(sonars.cones), near.grid
+        walls = near.in_sight(cones.radius + cones.most)
+        assert isinstance(walls, Walls)
+        units = ldexp(1.0, kernels_sonar.SPAN - frexp(grid.size)[1])
+        fixed_x, fixed_y = (fixed[: count + LANES] for fixed in scratch.fixed)
+        fixed_x[count:] = fixed_y[count:] = 0
+        squares = np.frombuffer(scratch.squares, np.float32, count * len(ring.axis_cos)).reshape(count, -1)
+        order, start = self._points
+        lone = ring.lone if ring.lone < np.inf and 1.0 / units <= fast.FINE else -1.0
+        heads = bodies.x, bodies.y, bodies.heading
+        self._kept["sonars"] = walls, squares, nothing = walls, squares, np.empty(0)
+        self._reals[words.LONE] = min(ring.lone, cones.reach)
+        own[words.SOME_ROWS], own[words.ALL_ROWS] = self._some.ctypes.data, self._all.ctypes.data
+        own[words.ECHOES] = bool(sonars.ring.noise or sonars.ring.dropout)
+        own[words.CLOSE] = self._close.ctypes.data
+        self._call(words.FIX, order, bodies.x, bodies.y, units, 0, count, fixed_x, fixed_y)
+        self._call(
+            words.SEE,
+            *(*heads, order, fixed_x, fixed_y, nothing, order, start, grid.size, grid.columns, grid.rows),
+            *(walls.solids, walls.start, walls.items, walls.news, *ring.measures),
+            *(lone, 1.0 / units, False, False, ring.axis_cos, ring.axis_sin),
+            *(0, grid.rows, 0.0, self._close, squares),
+        )
+        noise = (sonars.ring.noise, sonars.ring.dropout, np.uint64(0), np.uint64(0))
+        sensed = sonars.sensed
+        edge = -1 if sensed.strides[0] % LINE else -sensed.ctypes.data % LINE // sensed.itemsize
+        which = scratch.everybody[:count]
+        limits = sonars.ring.least, sonars.ring.most
+        self._call(words.HEAR, squares, which, noise, *limits, sonars.front, self._all, sensed, edge)
+
+    def _call(self, kernel: int, *arguments: object) -> None:
+        """Write the arguments of a kernel."""
+        assert words.types_of(arguments) == words.TYPES[kernel]
+        begin, end = words.BLOCKS[kernel : kernel + 2]
+        self.words[begin:end] = flat(arguments)
+
+    # ---- after ticks
+
+    def note(self) -> None:
+        """Bring the bodies up to date with the block, after ticks."""
+        bodies, own = self._bodies, self.words
+        bodies.tick = int(own[words.TICK])
+        bodies.forget()
+        if own[words.SORTED]:
+            bodies.near.know(self._points, bodies.x, bodies.y)
+        last = own[words.DONE] + (own[words.TROUBLE] > 0) == own[words.TICKS]
+        every = bool(own[words.SAMPLED] and last)
+        if self._sonars is not None and (every or (own[words.AWAKE] and own[words.SEES])):
+            self._sonars.note(self._all if every else self._some)
+
+
+class WorldTable:
+    """Blocks of worlds that make their ticks in one call. threads: that share the work."""
+
+    def __init__(self, blocks: Sequence[BodyBlock], threads: int = 1) -> None:
+        self._blocks = blocks
+        self._pool = ThreadPool(threads)
+        self._borders = borders(len(blocks), threads)
+        self._addresses = np.array([each.address for each in blocks], np.int64)
+        for first, last in pairwise(self._borders):
+            if first == last:
+                continue
+            scratch = Scratch(*map(max, zip(*(each.needs for each in blocks[first:last]), strict=True)))
+            for each in blocks[first:last]:
+                each.use(scratch)
+
+    def make(self, which: Sequence[int]) -> None:
+        """Let the worlds with these indices, ascending, make the ticks that they are to make."""
+        called, table, ends = addresses(), self._addresses, self._borders
+        if len(which) < len(self._blocks):
+            table = table[list(which)]
+            ends = [bisect_left(which, border) for border in ends]
+        self._pool.share(lambda first, last: words.quiet(table, called, first, last), ends)
+
+
+def listed(entries: Sequence[tuple[int, ...]]) -> Words:
+    """A list as words: how many, then each."""
+    return np.array([len(entries), *(word for each in entries for word in each)], np.int64)
+
+
+def chance_texts(seed: int) -> Words:
+    """The texts of what a tick draws, up to its number: see `kernels_chance`."""
+    texts = np.zeros(chance.SIZE, np.int64)
+    for number, purpose in enumerate((("slip", "left"), ("slip", "right"), ("echo",), ("dropout",))):
+        text = repr((seed, *purpose, 0)).encode()[:-2]
+        assert len(text) + chance.DIGITS <= chance.BLOCK
+        texts[chance.LENGTH + number] = len(text)
+        first = chance.TEXTS + number * chance.WORDS
+        texts[first : first + chance.WORDS].view(np.uint8)[: len(text)] = np.frombuffer(text, np.uint8)
+    return texts

@@ -1,0 +1,199 @@
+"""Quiet ticks, made by compiled code alone, come to the same as all others, bit for bit, in one world or in many."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sleepcast.columns.values import Rows
+from sleepcast.fleet.native.kernels import SequencePlan
+from sleepcast.loop import Swarm, snapshot, step_swarm
+from sleepcast.loop.quiet import QuietTicks
+from sleepcast.simulator import Changes, Scenario, Simulator, choose, find_scenario, scenario_names
+from swarms import ORDERS, RELEASE, STOP, desk_of, station_of, swarm_of
+
+pytest.importorskip("numba")
+
+LAST = 60
+LOOKS = (7, 33, LAST)
+"""Ticks after which snapshots are compared."""
+FEW = 24
+LOSSY = (("radio.loss", 0.1),)
+
+
+def few(name: str, robots: int = FEW, over: tuple[tuple[str, object], ...] = ()) -> Scenario:
+    """A scenario of the gallery, with few robots if it may have any number."""
+    whole = find_scenario(name)
+    fixed = whole.robots.groups or whole.robots.count < robots
+    return find_scenario(name, Changes(None if fixed else robots, over=over))
+
+
+def settle(swarm: Swarm) -> None:
+    """Wait until all rules that can be have become native code."""
+    if swarm.fleet.kernels is not None:
+        swarm.fleet.kernels.settle()
+
+
+def singly(swarm: Swarm, ticks: int) -> None:
+    """Let so many ticks pass, each as a tick with messages."""
+    for _ in range(ticks):
+        step_swarm(swarm)
+        settle(swarm)
+
+
+def at_once(swarm: Swarm, ticks: int) -> None:
+    """Let so many ticks pass, as many at once as may be."""
+    while ticks:
+        ticks -= swarm.advance(ticks)
+        settle(swarm)
+
+
+def compare(scenario: Scenario, threads: int = 1) -> Swarm:
+    """Compare a run by quiet ticks with one without; gives the first."""
+    expected, swarm = (swarm_of(scenario, 3, threads) for _ in range(2))
+    for before, look in zip((0, *LOOKS), LOOKS, strict=False):
+        singly(expected, look - before)
+        at_once(swarm, look - before)
+        assert snapshot(swarm) == snapshot(expected), f"at tick {look}"
+    assert expected.quiet.ticks == 0
+    return swarm
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_each_scenario_runs_the_same(name: str) -> None:
+    swarm = swarm_of(few(name), 3, 1)
+    if swarm.quiet.block is None:  # no compiled code does all that its bodies do
+        at_once(swarm, 10)
+        assert swarm.quiet.ticks == 0
+        return
+    compare(few(name))
+    compare(few(name, over=LOSSY))
+
+
+def test_hardly_any_tick_of_a_crowd_at_work_is_not_quiet() -> None:
+    swarm = compare(few("crowd"))
+    assert swarm.quiet.ticks >= 0.8 * LAST
+    sees = swarm_of(few("crowd"), 3, 1)
+    sees.simulator.world.add(next(iter(sees.simulator.world.shapes.values())))
+    at_once(sees, LAST)
+    assert sees.quiet.ticks >= 0.8 * LAST
+
+
+def test_threads_make_no_difference() -> None:
+    one, two = (swarm_of(few("crowd", 30), 3, threads) for threads in (1, 2))
+    for swarm in (one, two):
+        at_once(swarm, LAST)
+    assert two.quiet.ticks >= 0.8 * LAST
+    assert snapshot(one) == snapshot(two)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_many_worlds_make_their_ticks_in_one_call(threads: int) -> None:
+    def made() -> list[Swarm]:
+        worlds = [swarm_of(few("crowd", robots), seed, 1) for seed, robots in ((1, 9), (2, 20), (3, 33))]
+        return [*worlds, swarm_of(few("election"), 4, 1)]
+
+    alone, together = made(), made()
+    ticks = QuietTicks(together, threads)
+    for before, look in zip((0, *LOOKS), LOOKS, strict=False):
+        for swarm in alone:
+            singly(swarm, look - before)
+        for _ in range(look - before - 5):
+            ticks.step()
+            for swarm in together:
+                settle(swarm)
+        ticks.step(5)
+        for one, other in zip(together, alone, strict=True):
+            assert snapshot(one) == snapshot(other), f"at tick {look}"
+    assert all(swarm.quiet.ticks >= 0.8 * LAST for swarm in together[:3])
+
+
+def test_commands_of_all_sorts_come_between_quiet_ticks() -> None:
+    def commanded(how: Callable[[Swarm, int], None]) -> bytes:
+        swarm = swarm_of(few("crowd", 20), 5, 1)
+        desk = desk_of(swarm)
+        for tick in range(LAST):
+            if tick in ORDERS:
+                desk.send(ORDERS[tick], everybody=True)
+            if tick == STOP:
+                desk.stop()
+            if tick == RELEASE:
+                desk.release()
+            how(swarm, 1)
+        return snapshot(swarm)
+
+    assert commanded(at_once) == commanded(singly)
+
+
+@pytest.mark.parametrize(
+    ("texts", "walked"),
+    [
+        (["(RULE odd (WHEN (> (MOD (+ id (FLOOR time)) 5) 3) (SETQ drive_speed (+ nobody 1))))"], True),
+        (["(RULE odd (SETQ drive_speed (* 0.1 (SQRT (- (MOD (+ id (FLOOR time)) 7) 3)))))"], True),
+        (
+            ["(DEFUN pace (a) (IF (PROB 30%) (+ a (RANDOM 0 0.1)) a))", "(RULE odd (SETQ drive_speed (pace 0.3)))"],
+            False,
+        ),
+    ],
+)
+def test_robots_that_have_to_be_walked_end_a_call_but_nothing_else(texts: list[str], walked: bool) -> None:
+    expected, swarm = (swarm_of(few("crowd", 20), 5, 1) for _ in range(2))
+    finished = list[int]()
+    resume = swarm.fleet.scheduler.resume
+
+    def noted(plan: SequencePlan, leg: int, left: Rows) -> None:
+        finished.append(left.size)
+        resume(plan, leg, left)
+
+    swarm.fleet.scheduler.resume = noted  # type: ignore[method-assign]  # to count how often it is needed
+    for each, how in ((expected, singly), (swarm, at_once)):
+        how(each, 20)
+        for text in texts:
+            desk_of(each).send(text, everybody=True)
+        how(each, 40)
+    assert swarm.quiet.ticks > 20
+    assert (len(finished) > 0) == walked
+    assert snapshot(swarm) == snapshot(expected)
+
+
+CHUNKS = st.lists(st.tuples(st.integers(1, 40), st.sampled_from(["wait", "stop", "release", "wall", "place", "ask"])))
+
+
+@settings(max_examples=8, deadline=None)
+@given(CHUNKS)
+def test_any_chunks_come_to_the_same(chunks: list[tuple[int, str]]) -> None:
+    expected, swarm = (swarm_of(few("crowd", 8), 7, 1) for _ in range(2))
+    for each, how in ((expected, singly), (swarm, at_once)):
+        how(each, 8)
+        for ticks, what in chunks:
+            if what == "stop":
+                desk_of(each).stop()
+            elif what == "release":
+                desk_of(each).release()
+            elif what == "wall":
+                world = each.simulator.world
+                world.move(next(iter(world.shapes)), 0.05, 0.0)
+            elif what == "place":
+                each.simulator.place(0, 1.0, 1.0, 0.5)
+            elif what == "ask":
+                each.values_of("(+ x front_range)")
+            how(each, ticks)
+    assert snapshot(swarm) == snapshot(expected)
+
+
+def test_numpy_alone_makes_no_quiet_ticks() -> None:
+    scenario = few("crowd")
+    swarm = Swarm(Simulator(scenario, 3, choose("numpy")), scenario.mission)
+    swarm.desk = station_of(swarm)
+    at_once(swarm, 30)
+    assert swarm.quiet.ticks == 0
+
+
+def test_a_sender_sees_each_tick() -> None:
+    swarm, seen = swarm_of(few("crowd"), 3, 1), list[int]()
+    swarm.senders.append(lambda: seen.append(swarm.simulator.tick))
+    at_once(swarm, 30)
+    assert seen == list(range(30))

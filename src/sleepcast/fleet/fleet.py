@@ -133,7 +133,7 @@ class RobotView:
         """What it knows of its body, and of who holds it, at `now` (s)."""
         state = self.rest_state() if self.stopped else None
         motion = None if state is None else motion_of(state)
-        stops = self._fleet.safety.stops(self.index, now)
+        stops = self._fleet._bodies.stops(self.index, now)
         return BodyState(self.stopped, self.driven, self.doubt, self.catching_up, stops, motion)
 
     def rest_state(self) -> RestState | None:
@@ -354,9 +354,9 @@ class Fleet(Mapping[str, RobotView]):
         self.evaluation_log = EvaluationLog(self.memory)
         self.authority = FleetAuthority(self.state, tells=tells, lease=lease)
         self.scheduler = BatchScheduler(self.memory, self.authority)
-        self.safety = FleetBodies(self.state, bodies, self.authority)
+        self._bodies = FleetBodies(self.state, bodies, self.authority)
         self._obeying = Obeying(self.memory, self.evaluation_log, self.authority, self._look, on_air=on_air)
-        self.telemetry = FleetTelemetry(self.state, self.minds, self.safety)
+        self.telemetry = FleetTelemetry(self.state, self.minds, self._bodies)
         """The latest telemetry of each robot."""
         self._read_set = ReadSet(self.memory)
         self.queries = FleetQueries(self.state, self.minds, bodies)
@@ -513,11 +513,11 @@ class Fleet(Mapping[str, RobotView]):
             return
         self.authority.hear(message, Rows.of(heard))
         if message.kind is Kind.STOP:  # whoever hears it stops; only those that it is addressed to answer
-            stopped, released = self.safety.obey_stop(message, Rows.of(heard))
+            stopped, released = self._bodies.obey_stop(message, Rows.of(heard))
             self.outbox.answer_alike(message, Rows.of(np.intersect1d(stopped.robots, meant)), "stopped")
             self.outbox.answer_alike(message, released, "fault", ENDED)
         elif message.kind is Kind.RELEASE:
-            free, refused = self.safety.obey_release(message, Rows.of(meant))
+            free, refused = self._bodies.obey_release(message, Rows.of(meant))
             self.outbox.answer_alike(message, free, "released")
             for some, why in refused:
                 self.outbox.answer_alike(message, some, "fault", why)
@@ -539,18 +539,18 @@ class Fleet(Mapping[str, RobotView]):
 
     def halt(self, doubt: str = "", robots: Some = None) -> None:
         """See `Node.halt`."""
-        self.safety.halt(self.rows(robots), doubt)
+        self._bodies.halt(self.rows(robots), doubt)
 
     def catch_up(self, lasts: bool, robots: Some = None) -> None:
         """See `Node.catch_up`."""
         rows = self.authority.catching_up.where(self.rows(robots), lambda before: before is not lasts)
         self.authority.catching_up.set(rows, lasts)
-        self.safety.hold(rows)
+        self._bodies.hold(rows)
 
     @property
     def arrived(self) -> dict[tuple[str, int], Column]:
         """When the latest STOP of each sender and epoch that holds any robot has arrived there, s."""
-        return self.safety.arrived
+        return self._bodies.arrived
 
     def sense(self, readings: NDArray[np.float64], now: float, robots: Some = None) -> None:
         """Take sensor values (SI; one row per robot, in the order of the vocabulary's sensors) at `now` (s).
@@ -594,14 +594,23 @@ class Fleet(Mapping[str, RobotView]):
         unattended = self.authority.unattended(rows, now)
         if unattended.size:  # nothing resumes on its own when their operators are heard again
             self.authority.let_go(unattended)
-            self.outbox.report(self.safety.let_go(unattended), AT_REST)
+            self.outbox.report(self._bodies.let_go(unattended), AT_REST)
         end_leases(self.memory, rows, now)
         for message, some in self.inbox.take(rows):
             self._obeying.obey(message, some, now)
-        resting = self.safety.resting(rows)
+        resting = self._bodies.resting(rows)
         self._run_rules(rows if resting is None else rows.take(~resting))
-        self.safety.hold(rows)
-        self.tidy()
+        self.end_round(rows)
+
+    def end_round(self, rows: Rows) -> None:
+        """What follows a round of rules: whoever rests holds still, and minds that nobody has any more go."""
+        self._bodies.hold(rows)
+        self._tidy()
+
+    @property
+    def rests(self) -> bool:
+        """Whether any robot sleeps, is frozen, or holds its body still."""
+        return self._bodies.resting(self.rows()) is not None or bool(self.state.still.any())
 
     def _run_rules(self, rows: Rows) -> None:
         """One round of the active rules. A driven robot whose rules move its body is not driven any more."""
@@ -621,7 +630,7 @@ class Fleet(Mapping[str, RobotView]):
             if old.any():
                 self.state.assign(slot, rows.take(old), np.full(int(old.sum()), nan))
 
-    def tidy(self) -> None:
+    def _tidy(self) -> None:
         """Remove unused minds once there may be many."""
         if len(self.minds) > 2 * self.minds_used + SPARE_MINDS:
             used = {*np.unique(self.state.mind).tolist(), *np.unique(self.state.proven).tolist()}

@@ -58,7 +58,7 @@ class QuietMinds:
         busy = not fleet.inbox.empty or not fleet.outbox.empty or fleet.measured or statistics.leases
         if busy or state.one_mind is None or not fleet.authority.idle:
             return 0
-        if fleet.scheduler.left_over or fleet.safety.resting(self._everybody) is not None or state.still.any():
+        if fleet.scheduler.left_over or fleet.rests:
             return 0
         mind = fleet.minds[state.one_mind]
         if not mind.running:
@@ -140,7 +140,7 @@ class QuietMinds:
         if self._plan is not None:
             state.assign(TICK, self._everybody, float(tick))
             state.assign(TIME_SLOT, self._everybody, float(now))
-            self._fleet.tidy()
+            self._fleet.end_round(self._everybody)
 
     def finish(self, leg: int) -> None:
         """The native code of this leg has left robots in the latest tick: walk them, and let all run the rest of their
@@ -150,8 +150,7 @@ class QuietMinds:
         assert fleet.kernels is not None
         everybody = self._everybody
         fleet.scheduler.resume(plan, leg, fleet.kernels.troubled(0, everybody.size))
-        fleet.safety.hold(everybody)
-        fleet.tidy()
+        fleet.end_round(everybody)
 
 
 def _kernels(plan: SequencePlan) -> list[Kernel]:

@@ -79,8 +79,6 @@ class QuietSwarm(Protocol):
 
     def advance(self, most: int, /) -> int: ...
 
-    def step(self) -> None: ...
-
 
 class QuietWitness(Protocol):
     """A witness as quiet ticks see it; see `swarm.Witness`."""
@@ -226,33 +224,41 @@ class QuietTicks:
         changed as always, and its ticks come to the same as if it ran alone, bit for bit.
     threads: that share the work; the result does not depend on them.
 
-    Making ready takes some tenths of a millisecond for each swarm, once.
+    Making ready takes a millisecond or two for each swarm, once.
     """
 
     def __init__(self, swarms: Sequence[QuietSwarm], threads: int = 1) -> None:
-        self._swarms, self._threads = swarms, threads
-        self._places = [-1] * len(swarms)
+        self._swarms, self._threads = list(swarms), threads
+        self._places: dict[int, int] = {}
         """Of the swarms in the table."""
         self._table = self._ready()
 
-    def step(self, ticks: int = 1) -> None:
-        """Let each swarm make so many ticks."""
-        left = [ticks] * len(self._swarms)
-        worlds = [each.quiet for each in self._swarms]
-        while any(left):
-            begun = [most > 0 and world.begin(most) > 0 for world, most in zip(worlds, left, strict=True)]
-            if self._table is not None and any(begun):
-                self._table.make([place for place, quiet in zip(self._places, begun, strict=True) if quiet])
-            for number, quiet in enumerate(begun):
-                if quiet:
-                    left[number] -= worlds[number].end()
-                elif left[number]:
-                    self._swarms[number].step()
-                    left[number] -= 1
+    def step(self, ticks: int = 1, which: Sequence[int] | None = None) -> None:
+        """Let these swarms (indices, ascending; None: all) make so many ticks each."""
+        chosen = range(len(self._swarms)) if which is None else which
+        left = dict.fromkeys(chosen, ticks)
+        while left:
+            begun = [number for number, most in left.items() if self._swarms[number].quiet.begin(most)]
+            if self._table is not None and begun:
+                self._table.make([self._places[number] for number in begun])
+            made = {number: self._swarms[number].quiet.end() for number in begun}
+            for number in left.keys() - made.keys():
+                self._swarms[number].advance(1)
+            left = {number: most - made.get(number, 1) for number, most in left.items() if most > made.get(number, 1)}
+
+    def replace(self, number: int, swarm: QuietSwarm) -> None:
+        """Put another swarm in the place of the one with this index: that one is over."""
+        self._swarms[number] = swarm
+        block, place = swarm.quiet.block, self._places.get(number)
+        if self._table is not None and block is not None and place is not None:
+            self._table.replace(place, block)
+        elif block is not None or place is not None:
+            self._table = self._ready()
 
     def _ready(self) -> WorldTable | None:
         """The table of all swarms for which there is compiled code; None without any."""
         blocks: list[BodyBlock] = []
+        self._places.clear()
         for number, swarm in enumerate(self._swarms):
             if swarm.quiet.block is not None:
                 self._places[number] = len(blocks)

@@ -95,9 +95,12 @@ def run_other_process() -> None:
 
 
 def compile_motion_kernels(scenario: Scenario) -> None:
-    """Let robots without sonars move, which compiles the motion kernels."""
+    """Let robots without sonars move, which compiles the motion kernels, and what makes quiet ticks."""
+    from sleepcast.simulator.quiet.blocks import compile_ticks
+
     blind = [replace(spec, ring=None) for spec in (scenario.robots, *scenario.sorts)]
     Simulator(replace(scenario, robots=blind[0], sorts=tuple(blind[1:])), machine=choose(threads=1)).step()
+    compile_ticks()
 
 
 def compile_sonar_kernels(scenario: Scenario) -> None:

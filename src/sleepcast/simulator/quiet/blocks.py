@@ -10,7 +10,7 @@ Kernels write into scratch memory that worlds may share which are never stepped 
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import cache
 from itertools import pairwise
 from math import frexp, ldexp
@@ -23,37 +23,36 @@ from sleepcast.core.arrays import LINE, block
 from sleepcast.core.threads import ThreadPool, borders
 from sleepcast.simulator import fast
 from sleepcast.simulator.bodies.proximity import Sonars
-from sleepcast.simulator.motion import kernels_motion
 from sleepcast.simulator.motion.steps import SKIN, Displacement, Settled, boxes_of
-from sleepcast.simulator.quiet import kernels_chance as chance
-from sleepcast.simulator.quiet import kernels_quiet as words
-from sleepcast.simulator.simd.vectors import LANES
+from sleepcast.simulator.quiet import layout as words
+from sleepcast.simulator.simd.cached import CachedKernel, CachedKernels
+from sleepcast.simulator.simd.formulas import LANES
 from sleepcast.simulator.simulation import Simulator
-from sleepcast.simulator.sonar import kernels, kernels_sonar
+from sleepcast.simulator.sonar.fields import SPAN
 from sleepcast.simulator.world.grid import Sorted
 from sleepcast.simulator.world.walls import Walls
 
 Words: TypeAlias = NDArray[np.int64]
 
-CALLED: tuple[Callable[..., object], ...] = (
-    *(kernels_motion.propose, kernels_motion.commit, kernels_motion.gather),
-    *(kernels_motion.stop_at_old, kernels_motion.stop_at_ways),
-    *(kernels.count, kernels.begin, kernels.place, kernels.fix, kernels_sonar.see, kernels.hear),
+kernels_quiet = CachedKernels("quiet.kernels_quiet")
+CALLED: tuple[CachedKernel, ...] = (
+    *(fast.kernels_motion.propose, fast.kernels_motion.commit, fast.kernels_motion.gather),
+    *(fast.kernels_motion.stop_at_old, fast.kernels_motion.stop_at_ways),
+    *(fast.kernels.count, fast.kernels.begin, fast.kernels.place, fast.kernels.fix),
+    *(fast.kernels_sonar.see, fast.kernels.hear),
 )
-"""The kernels, in the order of `kernels_quiet.KERNELS`."""
+"""The kernels that a tick calls, in the order of `layout`."""
 
 
 @cache
 def addresses() -> Words:
     """The addresses of the kernels, for their types of arguments; compiled now if they were not yet."""
-    return np.array([_address(each, types) for each, types in zip(CALLED, words.TYPES, strict=True)], np.int64)
+    return np.array([each.address(*given) for each, given in zip(CALLED, words.SAMPLES, strict=True)], np.int64)
 
 
-def _address(kernel: Any, types: tuple[Any, ...]) -> int:
-    if types not in kernel.overloads:
-        kernel.compile(types)
-    compiled = kernel.overloads[types]
-    return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
+def compile_ticks() -> None:
+    """Let what makes quiet ticks be compiled, if it was not yet."""
+    kernels_quiet.quiet(np.zeros(0, np.int64), np.zeros(words.KERNELS, np.int64), 0, 0)
 
 
 def flat(value: object) -> list[int]:
@@ -149,6 +148,13 @@ class BodyBlock:
         if scratch is not self._scratch:
             self._scratch, self._version = scratch, -1
 
+    def share(self, other: BodyBlock) -> bool:
+        """Use the scratch memory of another block. False if it is too small."""
+        if other._scratch is None or any(mine > its for mine, its in zip(self.needs, other.needs, strict=True)):
+            return False
+        self.use(other._scratch)
+        return True
+
     def put(self, name: str, place: int, numbers: Words) -> None:
         """Put the address of an array of words there."""
         self._kept[name] = numbers
@@ -236,7 +242,7 @@ class BodyBlock:
         own[words.FREE] = free.ctypes.data
         own[words.HIT_X], own[words.HIT_Y] = bodies.hit_x.ctypes.data, bodies.hit_y.ctypes.data
         self.put("texts", words.TEXTS, chance_texts(bodies.seed))
-        self.put("keys", words.KEYS, np.zeros(2 * chance.KEYS, np.int64))
+        self.put("keys", words.KEYS, np.zeros(2 * words.PURPOSES, np.int64))
         own[words.KEYED] = -1
         self._kept["columns"] = columns = bodies.columns
         proposal = scratch.ways.of(slice(0, count))
@@ -300,7 +306,7 @@ class BodyBlock:
         cones, ring, grid = sonars.cones, fast.ring_of(sonars.cones), near.grid
         walls = near.in_sight(cones.radius + cones.most)
         assert isinstance(walls, Walls)
-        units = ldexp(1.0, kernels_sonar.SPAN - frexp(grid.size)[1])
+        units = ldexp(1.0, SPAN - frexp(grid.size)[1])
         fixed_x, fixed_y = (fixed[: count + LANES] for fixed in scratch.fixed)
         fixed_x[count:] = fixed_y[count:] = 0
         squares = np.frombuffer(scratch.squares, np.float32, count * len(ring.axis_cos)).reshape(count, -1)
@@ -329,7 +335,7 @@ class BodyBlock:
 
     def _call(self, kernel: int, *arguments: object) -> None:
         """Write the arguments of a kernel."""
-        assert words.types_of(arguments) == words.TYPES[kernel]
+        assert CALLED[kernel].address(*arguments) == addresses()[kernel]  # the types of arguments are those expected
         begin, end = words.BLOCKS[kernel : kernel + 2]
         self.words[begin:end] = flat(arguments)
 
@@ -352,16 +358,28 @@ class WorldTable:
     """Blocks of worlds that make their ticks in one call. threads: that share the work."""
 
     def __init__(self, blocks: Sequence[BodyBlock], threads: int = 1) -> None:
-        self._blocks = blocks
+        self._blocks = list(blocks)
         self._pool = ThreadPool(threads)
         self._borders = borders(len(blocks), threads)
         self._addresses = np.array([each.address for each in blocks], np.int64)
         for first, last in pairwise(self._borders):
             if first == last:
                 continue
-            scratch = Scratch(*map(max, zip(*(each.needs for each in blocks[first:last]), strict=True)))
-            for each in blocks[first:last]:
-                each.use(scratch)
+            self._provide(blocks[first:last])
+
+    @staticmethod
+    def _provide(blocks: Sequence[BodyBlock]) -> None:
+        """Give these blocks scratch memory in common."""
+        scratch = Scratch(*map(max, zip(*(each.needs for each in blocks), strict=True)))
+        for each in blocks:
+            each.use(scratch)
+
+    def replace(self, place: int, block: BodyBlock) -> None:
+        """Put another world in the place of one."""
+        before, self._blocks[place] = self._blocks[place], block
+        self._addresses[place] = block.address
+        if not block.share(before):
+            self._provide([block])
 
     def make(self, which: Sequence[int]) -> None:
         """Let the worlds with these indices, ascending, make the ticks that they are to make."""
@@ -369,7 +387,7 @@ class WorldTable:
         if len(which) < len(self._blocks):
             table = table[list(which)]
             ends = [bisect_left(which, border) for border in ends]
-        self._pool.share(lambda first, last: words.quiet(table, called, first, last), ends)
+        self._pool.share(lambda first, last: kernels_quiet.quiet(table, called, first, last), ends)
 
 
 def listed(entries: Sequence[tuple[int, ...]]) -> Words:
@@ -379,11 +397,11 @@ def listed(entries: Sequence[tuple[int, ...]]) -> Words:
 
 def chance_texts(seed: int) -> Words:
     """The texts of what a tick draws, up to its number: see `kernels_chance`."""
-    texts = np.zeros(chance.SIZE, np.int64)
+    texts = np.zeros(words.TEXTS_LENGTH, np.int64)
     for number, purpose in enumerate((("slip", "left"), ("slip", "right"), ("echo",), ("dropout",))):
         text = repr((seed, *purpose, 0)).encode()[:-2]
-        assert len(text) + chance.DIGITS <= chance.BLOCK
-        texts[chance.LENGTH + number] = len(text)
-        first = chance.TEXTS + number * chance.WORDS
-        texts[first : first + chance.WORDS].view(np.uint8)[: len(text)] = np.frombuffer(text, np.uint8)
+        assert len(text) + words.DIGITS <= words.TEXT
+        texts[words.LENGTHS + number] = len(text)
+        first = words.FIRST_TEXT + number * words.TEXT_WORDS
+        texts[first : first + words.TEXT_WORDS].view(np.uint8)[: len(text)] = np.frombuffer(text, np.uint8)
     return texts

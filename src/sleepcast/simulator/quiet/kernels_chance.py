@@ -11,20 +11,9 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
+from sleepcast.simulator.quiet.layout import FIRST_TEXT, LENGTHS, PURPOSES, TEXT_WORDS
 from sleepcast.simulator.simd.compiled import part, strict
 from sleepcast.simulator.simd.memory import put_byte, put_word, word
-
-KEYS = 4
-"""Keys that are computed at once."""
-BLOCK = 128
-"""Bytes of a block of BLAKE2b."""
-WORDS = BLOCK // 8
-LENGTH, TEXTS = 0, KEYS
-"""Where the words of four texts lie: the length of each without the tick, then the texts, a block each."""
-SIZE = KEYS + KEYS * WORDS
-"""Words of four texts."""
-DIGITS = 20
-"""Characters that the number of a tick and the closing bracket take at most."""
 
 _FIRST = (
     *(0x6A09E667F3BCC908, 0xBB67AE8584CAA73B, 0x3C6EF372FE94F82B, 0xA54FF53A5F1D36F1),
@@ -50,11 +39,11 @@ ROUNDS = 12
 _COLUMNS = ((0, 4, 8, 12), (1, 5, 9, 13), (2, 6, 10, 14), (3, 7, 11, 15))
 _DIAGONALS = ((0, 5, 10, 15), (1, 6, 11, 12), (2, 7, 8, 13), (3, 4, 9, 14))
 _WORD = ir.IntType(64)
-_FOUR = ir.VectorType(_WORD, KEYS)
+_FOUR = ir.VectorType(_WORD, PURPOSES)
 
 
 def _all(number):
-    return ir.Constant(_FOUR, [number & 0xFFFF_FFFF_FFFF_FFFF] * KEYS)
+    return ir.Constant(_FOUR, [number & 0xFFFF_FFFF_FFFF_FFFF] * PURPOSES)
 
 
 def _mixed(build, state, places, x, y):
@@ -83,12 +72,12 @@ def hashed(typing, texts, lengths, keys):
 
         def gathered(first, step):
             four = ir.Constant(_FOUR, ir.Undefined)
-            for lane in range(KEYS):
+            for lane in range(PURPOSES):
                 value = build.load(build.gep(first, [_WORD(lane * step)]), align=8)
                 four = build.insert_element(four, value, ir.IntType(32)(lane))
             return four
 
-        words = [gathered(build.gep(texts, [_WORD(number)]), WORDS) for number in range(WORDS)]
+        words = [gathered(build.gep(texts, [_WORD(number)]), TEXT_WORDS) for number in range(TEXT_WORDS)]
         begun = [_all(number) for number in _FIRST]
         begun[0] = _all(_FIRST[0] ^ _DIGEST)
         state = [*begun, *(_all(number) for number in _FIRST)]
@@ -99,7 +88,7 @@ def hashed(typing, texts, lengths, keys):
             for half, places in enumerate((*_COLUMNS, *_DIAGONALS)):
                 _mixed(build, state, places, *order[2 * half : 2 * half + 2])
         result = build.xor(begun[0], build.xor(state[0], state[8]))
-        for lane in range(KEYS):
+        for lane in range(PURPOSES):
             build.store(build.extract_element(result, ir.IntType(32)(lane)), build.gep(keys, [_WORD(lane)]), align=8)
         return context.get_dummy_value()
 
@@ -109,23 +98,23 @@ def hashed(typing, texts, lengths, keys):
 @part
 def draw_keys(texts, tick, keys, lengths):
     """Write the keys of four purposes in this tick to the address `keys`. texts: the address of their texts up to the
-    tick, laid out as `LENGTH` and `TEXTS` say; lengths: room for four words."""
+    tick, laid out as `layout` says; lengths: room for four words."""
     digits, rest = 1, tick
     while rest >= 10:
         rest //= 10
         digits += 1
-    for purpose in range(KEYS):
-        text, begin = texts + 8 * (TEXTS + purpose * WORDS), word(texts, LENGTH + purpose)
+    for purpose in range(PURPOSES):
+        text, begin = texts + 8 * (FIRST_TEXT + purpose * TEXT_WORDS), word(texts, LENGTHS + purpose)
         rest = tick
         for place in range(digits):
             put_byte(text, begin + digits - 1 - place, 48 + rest % 10)
             rest //= 10
         put_byte(text, begin + digits, 41)
         put_word(lengths, purpose, begin + digits + 1)
-    hashed(texts + 8 * TEXTS, lengths, keys)
+    hashed(texts + 8 * FIRST_TEXT, lengths, keys)
 
 
 @strict
 def keys_of(texts, tick, found):
     """The same from Python. found: gets the keys, int64, with room for four more."""
-    draw_keys(texts.ctypes.data, tick, found.ctypes.data, found.ctypes.data + 8 * KEYS)
+    draw_keys(texts.ctypes.data, tick, found.ctypes.data, found.ctypes.data + 8 * PURPOSES)

@@ -16,9 +16,90 @@ import numpy as np
 from numba import typeof
 from numba.core import types
 
-from sleepcast.simulator.motion.driving import DRIVE, Laws
-from sleepcast.simulator.motion.steps import BodyColumns, Displacement
+from sleepcast.simulator.motion.driving import DRIVE
 from sleepcast.simulator.quiet.kernels_chance import draw_keys
+from sleepcast.simulator.quiet.layout import (
+    ACTS,
+    AGAIN,
+    ALL_ROWS,
+    AT_BEGIN,
+    AT_COMMIT,
+    AT_COUNT_CELLS,
+    AT_FIX,
+    AT_GATHER,
+    AT_HEAR,
+    AT_PLACE,
+    AT_PROPOSE,
+    AT_SEE,
+    AT_STOP_AT_OLD,
+    AT_STOP_AT_WAYS,
+    AWAKE,
+    BEGIN,
+    BESIDE,
+    CELLS,
+    CLOSE,
+    CLOSE_ONES,
+    COMMIT,
+    COUNT,
+    COUNT_CELLS,
+    COUNTS,
+    DONE,
+    DRAINS,
+    DRAWN,
+    DRAWS,
+    DROPOUT,
+    ECHO,
+    ECHOES,
+    FIX,
+    FORWARD,
+    FREE,
+    GATHER,
+    HEAR,
+    HIT_X,
+    HIT_Y,
+    KEYED,
+    KEYS,
+    KNOWN,
+    LEFT,
+    LEGS,
+    LONE,
+    LONGEST,
+    LOOKS_FORWARD,
+    MODE,
+    MOMENTS,
+    MOST_STEPS,
+    NEAR,
+    ONES,
+    PLACE,
+    PREPARES,
+    PROPOSE,
+    REACH,
+    REAL,
+    RIGHT,
+    ROAM,
+    ROUNDING,
+    SAMPLED,
+    SAMPLES,
+    SEE,
+    SEEN_BESIDE,
+    SEES,
+    SKIN,
+    SOME_ROWS,
+    SORTED,
+    STEP,
+    STOP_AT_OLD,
+    STOP_AT_WAYS,
+    STOPPED,
+    TEXTS,
+    TICK,
+    TICKS,
+    TOUCHES,
+    TROUBLE,
+    WANTED_ROWS,
+    WAYS_REACH,
+    WHOLE,
+    WIDE,
+)
 from sleepcast.simulator.simd.compiled import part, strict
 from sleepcast.simulator.simd.memory import (
     bits_of,
@@ -36,40 +117,7 @@ from sleepcast.simulator.simd.memory import (
 )
 from sleepcast.simulator.sonar.kernels import GOLDEN
 
-_R, _W, _S, _B, _F, _U = (np.zeros(1, kind) for kind in ("f8", "i8", "i4", "?", "f4", "u8"))
-_R2, _S2, _F2, _N = np.zeros((1, 1)), np.zeros((1, 1), "i4"), np.zeros((1, 1), "f4"), np.zeros(1, "i1")
-_COLUMNS = BodyColumns._make((_N, _B, *[_R] * 6, _U, _U, *[_R] * 10, _R2, _R))
-_LAWS = Laws._make([0.0] * len(Laws._fields))
-_WAYS = Displacement(_R, _R, _R)
-
-PROPOSE, COMMIT, GATHER, STOP_AT_OLD, STOP_AT_WAYS, COUNT_CELLS, BEGIN, PLACE, FIX, SEE, HEAR = range(11)
-"""The kernels that a tick calls."""
-KERNELS = 11
-SAMPLES = (
-    (_COLUMNS, _LAWS, np.uint64(0), np.uint64(0), np.uint64(0), _WAYS, 0, 0),
-    (_COLUMNS, _LAWS, _WAYS, _R, _R, _R, 0, 0),
-    (_S, _R, _R, _R, _R, 0, 0, _R2),
-    (*[_R] * 5, _S, _S, 0.0, 0, 0, _R2, _R2, _S, _S, 0.0, 0.0, 0.0, 0, 0, _B, _B, *[_R] * 6),
-    (*[_R] * 5, _S, _S, 0.0, 0, 0, 0.0, 0.0, 0, 0, _B, *[_R] * 6),
-    (_R, _R, 0.0, 0, 0, 0, 0, _S, _S),
-    (_S2, _S),
-    (_S, 0, 0, _S, _S),
-    (_S, _R, _R, 0.0, 0, 0, _S, _S),
-    (
-        *(*[_R] * 3, *[_S] * 3, _R, _S, _S, 0.0, 0, 0, _R2, _S, _S, _N, *[0.0] * 8),
-        *(0.0, 0.0, False, False, _R, _R, 0, 0, 0.0, _B, _F2),
-    ),
-    (_F2, _W, (0.0, 0.0, np.uint64(0), np.uint64(0)), 0.0, 0.0, _W, _B, _R2, 0),
-)
-"""Arguments of each of them, for their types."""
-
-
-def types_of(arguments):
-    """numba's types of arguments."""
-    return tuple(typeof(each) for each in arguments)
-
-
-TYPES = tuple(map(types_of, SAMPLES))
+TYPES = [tuple(typeof(each) for each in arguments) for arguments in SAMPLES]
 
 propose, commit = calling(types.none, TYPES[PROPOSE]), calling(types.none, TYPES[COMMIT])
 gather = calling(types.float64, TYPES[GATHER])
@@ -77,77 +125,6 @@ stop_at_old, stop_at_ways = calling(types.none, TYPES[STOP_AT_OLD]), calling(typ
 count_cells, begin = calling(types.none, TYPES[COUNT_CELLS]), calling(types.none, TYPES[BEGIN])
 place, fix = calling(types.none, TYPES[PLACE]), calling(types.none, TYPES[FIX])
 see, hear = calling(types.none, TYPES[SEE]), calling(types.none, TYPES[HEAR])
-
-
-def _size(value):
-    """Words of an argument, see `blocks.flat`."""
-    if isinstance(value, np.ndarray):
-        return 5 + 2 * value.ndim
-    return sum(map(_size, value)) if isinstance(value, tuple) else 1
-
-
-# ---- the words of a world
-
-TICK, TICKS, DONE, TROUBLE, COUNT, STEP = range(6)
-"""The number of the tick that bodies are in; ticks that are to be made, and that are made; the leg, from 1, whose rules
-were left in the tick after those because robots have to be walked, else 0; the number of robots; s of a tick."""
-ACTS, STOPPED, MODE = range(6, 9)
-"""The address of the actuators that rules assign: how many, then of each the addresses of its values, of who has
-assigned it and of what it commands. The addresses of which bodies are stopped, and of their modes."""
-DRAWS, TEXTS, KEYS, KEYED, FREE, HIT_X, HIT_Y = range(9, 16)
-"""Whether wheels slip; the addresses of the texts of chance (see `kernels_chance`) and of room for eight words, first
-the keys; the tick of which these are. The addresses of what contact comes to, see `steps.Settled`."""
-TOUCHES, SORTED, CELLS, COUNTS, CLOSE, ONES, NEAR = range(16, 23)
-"""Whether there is contact; whether bodies are sorted; how many cells there are, and the address of how many bodies are
-in each. The addresses of flags of bodies: which ones may touch others, as far as is known; that all may; which do."""
-WIDE, SKIN, ROUNDING, AGAIN, KNOWN, BESIDE, LONE = range(23, 30)
-"""Twice the greatest radius, m; see `steps.SKIN`, `fast.ROUNDING` and `fast.AGAIN`; within which reach CLOSE holds, m;
-that of the next look, m, and its limit."""
-DRAINS = 30
-"""The address of what ticks take: how many, then of each the address of its store and how much."""
-SEES, SOME_ROWS, ALL_ROWS, FORWARD, SAMPLED, ECHOES = range(31, 37)
-"""Whether sonars are heard; the addresses of the rows that are wanted in ordinary ticks, and of all; whether none of
-those looks behind; whether all are wanted in the last tick; whether there is noise."""
-AWAKE, LEGS, MOMENTS, MOST_STEPS, PREPARES, DRAWN = range(37, 43)
-"""Whether robots think. The addresses of lists, each with its length first: of each leg of rules the addresses of its
-code and table; the addresses of words for the time, each with what they hold of it; the addresses of columns of steps,
-each with its maximum; the addresses of functions to be called before rules, each with that of its context. The address
-of how many numbers each robot has drawn."""
-HEADER = 43
-BLOCKS = tuple(HEADER + sum(sum(map(_size, each)) for each in SAMPLES[:number]) for number in range(KERNELS + 1))
-"""Where the arguments of each kernel begin, and the end."""
-LENGTH = BLOCKS[-1]
-"""Words of a world."""
-
-
-def _at(kernel, argument):
-    """Where an argument of a kernel lies."""
-    return BLOCKS[kernel] + sum(map(_size, SAMPLES[kernel][:argument]))
-
-
-DATA = 4
-"""Where, of an array, the address of its data lies."""
-ROAM, LEFT, RIGHT = (_at(PROPOSE, number) for number in (2, 3, 4))
-LONGEST, REACH, CLOSE_ONES = _at(STOP_AT_OLD, 15), _at(STOP_AT_OLD, 16), _at(STOP_AT_OLD, 19) + DATA
-WAYS_REACH = _at(STOP_AT_WAYS, 11)
-LOOKS_FORWARD, SEEN_BESIDE = _at(SEE, 27), _at(SEE, 32)
-ECHO, DROPOUT, WANTED_ROWS = _at(HEAR, 2) + 2, _at(HEAR, 2) + 3, _at(HEAR, 6) + DATA
-(
-    AT_PROPOSE,
-    AT_COMMIT,
-    AT_GATHER,
-    AT_STOP_AT_OLD,
-    AT_STOP_AT_WAYS,
-    AT_COUNT_CELLS,
-    AT_BEGIN,
-    AT_PLACE,
-    AT_FIX,
-    AT_SEE,
-    AT_HEAR,
-    _,
-) = BLOCKS
-WHOLE, REAL, TIME = range(3)
-"""What a word for the time holds."""
 
 
 @strict

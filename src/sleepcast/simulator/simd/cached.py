@@ -34,7 +34,7 @@ SOURCES = (
     *("*/kernels*.py", "simd/*.py"),
     *("neighbours/neighbourhood.py", "motion/driving.py", "motion/steps.py", "world/walls.py"),
     *("sonar/noise.py", "sonar/crosstalk.py", "sonar/fields.py"),
-    *("../core/angles.py", "../core/counter_rng.py"),
+    *("quiet/layout.py", "../core/angles.py", "../core/counter_rng.py"),
 )
 """Kernels, and the modules with their constants, formulas and named tuples."""
 SETTINGS = "NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "NUMBA_ENABLE_AVX", "NUMBA_OPT"
@@ -50,7 +50,7 @@ class EntryPiece(msgspec.Struct, frozen=True, array_like=True):
 
     outside: functions of the process that the code calls by their names
     needs: the objects and functions whose addresses the entry takes from its table
-    entry, kernel: object files; the entry's function is called `entry`
+    entry, kernel: object files; the entry's functions are called `entry`, and `address`, which gives the kernel's own
     """
 
     outside: tuple[str, ...]
@@ -105,6 +105,17 @@ class CachedKernel:
                 return result
         return self._other()(*arguments)
 
+    def address(self, *arguments: Any) -> int:
+        """The address of the kernel's own function for arguments of these types, with numba's convention of calling:
+        for other compiled code."""
+        for entry in self.entries if self.entries is not None else self._load():
+            result = entry.address(arguments)  # type: ignore[attr-defined]  # see `linked`
+            if result is not NotImplemented:
+                return int(result)
+        from sleepcast.simulator.simd.compiled import address_of
+
+        return address_of(self._other(), arguments)
+
     def _load(self) -> tuple[Call, ...]:
         """The entries that the cache has."""
         with _ONE_AT_A_TIME:
@@ -152,7 +163,8 @@ def all_in_process(functions: Sequence[str]) -> bool:
 def linked_entry(piece: EntryPiece) -> Call:
     """The entry of a piece, ready to be called."""
     code = linked((piece.kernel, piece.entry), {})
-    function = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.py_object, ctypes.c_void_p)(code.address("entry"))
+    kind = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.py_object, ctypes.c_void_p)
+    function, address = (kind(code.address(name)) for name in ("entry", "address"))
     objects = [_needed(name) for name in piece.needs]
     addresses = (ctypes.c_void_p * len(objects))(*(address for _, address in objects))
     table = ctypes.addressof(addresses)
@@ -160,7 +172,11 @@ def linked_entry(piece: EntryPiece) -> Call:
     def call(arguments: tuple[Any, ...]) -> Any:
         return function(arguments, table)
 
+    def tell(arguments: tuple[Any, ...]) -> Any:
+        return address(arguments, table)
+
     call.owns = code, objects, addresses  # type: ignore[attr-defined]  # what must stay as long as it is called
+    call.address = tell  # type: ignore[attr-defined]  # of the kernel itself
     return call
 
 

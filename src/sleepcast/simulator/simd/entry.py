@@ -101,39 +101,39 @@ class NoEntryError(Exception):
 class _Reader:
     """Writes the code that reads arguments: where one is of another type than numba's, it goes to `other`."""
 
-    def __init__(self, context: Any, build: Any, table: Any, other: Any) -> None:
-        self._context, self._build, self._table, self._other = context, build, table, other
-        self.needs: list[str] = []
+    def __init__(self, context: Any, build: Any, table: Any, other: Any, needs: list[str]) -> None:
+        self._context, self.build, self._table, self._other = context, build, table, other
+        self.needs = needs
 
     def needed(self, name: str) -> Any:
         """The address of this object or function."""
         if name not in self.needs:
             self.needs.append(name)
-        place = self._build.gep(self._table, [WORD(8 * self.needs.index(name))])
-        return self._build.load(self._build.bitcast(place, ADDRESS.as_pointer()))
+        place = self.build.gep(self._table, [WORD(8 * self.needs.index(name))])
+        return self.build.load(self.build.bitcast(place, ADDRESS.as_pointer()))
 
     def call(self, name: str, result: Any, *arguments: Any) -> Any:
         """Call a function of Python's own interface."""
         shape = ir.FunctionType(result, [argument.type for argument in arguments])
-        return self._build.call(self._build.bitcast(self.needed(FUNCTION + name), shape.as_pointer()), arguments)
+        return self.build.call(self.build.bitcast(self.needed(FUNCTION + name), shape.as_pointer()), arguments)
 
     def at(self, address: Any, place: int, kind: Any) -> Any:
         """What lies so many bytes after an address."""
-        found = self._build.gep(address, [WORD(place)])
-        return self._build.load(self._build.bitcast(found, kind.as_pointer()))
+        found = self.build.gep(address, [WORD(place)])
+        return self.build.load(self.build.bitcast(found, kind.as_pointer()))
 
     def wanted(self, truth: Any) -> None:
         """What follows is only for when this is true."""
-        follows = self._build.append_basic_block()
-        self._build.cbranch(truth, follows, self._other)
-        self._build.position_at_end(follows)
+        follows = self.build.append_basic_block()
+        self.build.cbranch(truth, follows, self._other)
+        self.build.position_at_end(follows)
 
     def same(self, value: Any, number: int) -> Any:
-        return self._build.icmp_unsigned("==", value, value.type(number))
+        return self.build.icmp_unsigned("==", value, value.type(number))
 
     def is_a(self, thing: Any, name: str) -> Any:
         """Whether an object is of this type, and of none that derives from it."""
-        return self._build.icmp_unsigned("==", self.at(thing, TYPE, ADDRESS), self.needed(name))
+        return self.build.icmp_unsigned("==", self.at(thing, TYPE, ADDRESS), self.needed(name))
 
     def value(self, its: Any, thing: Any) -> Any:
         """An object as numba's value of this type."""
@@ -142,7 +142,7 @@ class _Reader:
         if isinstance(its, types.BaseTuple):
             return self._tuple(its, thing)
         if its == types.none:
-            self.wanted(self._build.icmp_unsigned("==", thing, self.needed("builtins:None")))
+            self.wanted(self.build.icmp_unsigned("==", thing, self.needed("builtins:None")))
             return self._context.get_dummy_value()
         if its == types.boolean:
             return self._truth(thing)
@@ -151,7 +151,7 @@ class _Reader:
         raise NoEntryError(f"no argument can be {its}")
 
     def _array(self, its: Any, thing: Any) -> Any:
-        build, dtype = self._build, as_dtype(its.dtype)
+        build, dtype = self.build, as_dtype(its.dtype)
         self.wanted(self.is_a(thing, "numpy:ndarray"))
         kind = self.at(thing, DTYPE, ADDRESS)
         order = self.at(kind, ORDER, BYTE)
@@ -187,7 +187,7 @@ class _Reader:
         if "<locals>" in name:
             raise NoEntryError(f"{name} cannot be found by its name")
         self.wanted(self.is_a(thing, name))
-        return self._context.make_tuple(self._build, its, self.items(thing, list(its)))
+        return self._context.make_tuple(self.build, its, self.items(thing, list(its)))
 
     def items(self, thing: Any, kinds: Sequence[Any]) -> list[Any]:
         """The items of a tuple, of these types."""
@@ -195,7 +195,7 @@ class _Reader:
         return [self.value(kind, self.at(thing, ITEMS + 8 * place, ADDRESS)) for place, kind in enumerate(kinds)]
 
     def _truth(self, thing: Any) -> Any:
-        build = self._build
+        build = self.build
         plain = self.is_a(thing, "builtins:bool")
         self.wanted(build.or_(plain, self.is_a(thing, "numpy:bool_")))
         true = build.icmp_unsigned("==", thing, self.needed("builtins:True"))
@@ -203,7 +203,7 @@ class _Reader:
 
     def _number(self, its: Any, thing: Any) -> Any:
         """Numbers of Python and of NumPy hold what they are at the same place, but for Python's integers."""
-        build, kind = self._build, self._context.get_value_type(its)
+        build, kind = self.build, self._context.get_value_type(its)
         own, plain = self.is_a(thing, f"numpy:{as_dtype(its).name}"), BUILT_IN.get(its)
         if plain is None:
             self.wanted(own)
@@ -240,17 +240,14 @@ def entry_of(made: Any) -> EntryPiece:
 
 
 def _write(context: Any, module: Any, kernel: Any, description: Any) -> list[str]:
-    """Write the function `entry`; gives the names of what it needs in its table."""
-    function = ir.Function(module, ir.FunctionType(ADDRESS, [ADDRESS, ADDRESS]), "entry")
-    build = ir.IRBuilder(function.append_basic_block())
-    other, failed = function.append_basic_block(), function.append_basic_block()
-    arguments, table = function.args
-    reader = _Reader(context, build, table, other)
-    values = reader.items(arguments, description.argtypes)
+    """Write the functions `entry` and `address`; gives the names of what they need in their table."""
+    needs: list[str] = []
+    reader, values, other = _begin(context, module, "entry", description, needs)
+    build = reader.build
     thread = reader.call("PyEval_SaveThread", ADDRESS)
     status, result = context.call_conv.call_function(build, kernel, description.restype, description.argtypes, values)
     reader.call("PyEval_RestoreThread", ir.VoidType(), thread)
-    done = function.append_basic_block()
+    done, failed = build.append_basic_block(), build.append_basic_block()
     build.cbranch(status.is_error, failed, done)
     build.position_at_end(done)
     if description.restype == types.none:
@@ -263,7 +260,22 @@ def _write(context: Any, module: Any, kernel: Any, description: Any) -> list[str
     _give(reader, build, "builtins:NotImplemented")
     build.position_at_end(failed)  # nothing else can fail in a kernel than taking memory for its arrays
     build.ret(reader.call("PyErr_NoMemory", ADDRESS))
-    return reader.needs
+    reader, _, other = _begin(context, module, "address", description, needs)
+    reader.build.ret(reader.call("PyLong_FromLongLong", ADDRESS, reader.build.ptrtoint(kernel, WORD)))
+    reader.build.position_at_end(other)
+    _give(reader, reader.build, "builtins:NotImplemented")
+    return needs
+
+
+def _begin(context: Any, module: Any, name: str, description: Any, needs: list[str]) -> tuple[_Reader, list[Any], Any]:
+    """Begin a function that reads the arguments; gives what writes it, their values, and where it goes on if one is of
+    another type."""
+    function = ir.Function(module, ir.FunctionType(ADDRESS, [ADDRESS, ADDRESS]), name)
+    build = ir.IRBuilder(function.append_basic_block())
+    other = function.append_basic_block()
+    arguments, table = function.args
+    reader = _Reader(context, build, table, other, needs)
+    return reader, reader.items(arguments, description.argtypes), other
 
 
 def _give(reader: _Reader, build: Any, name: str) -> None:

@@ -9,7 +9,7 @@ from typing import cast
 
 from sleepcast.api.progress import counting
 from sleepcast.language import Vocabulary
-from sleepcast.loop import Swarm, vocabulary_of
+from sleepcast.loop import Swarm, step_swarm, vocabulary_of
 from sleepcast.loop import resume as resume_swarm
 from sleepcast.simulator import KERNELS, Payload, Scenario, Simulator, choose, compile_kernels, kernel_count
 from sleepcast.station import Journal, SendPolicy, Station
@@ -112,8 +112,9 @@ def warm_up(scenario: Scenario, threads: int | None, *, quiet: bool = False) -> 
         compile_kernels(few)
         swarm, _ = assemble(few, None, mission=False, threads=threads)
         for _ in range(WARM_TICKS):
-            swarm.step()
+            step_swarm(swarm)
             swarm.simulator.readings()
+        swarm.step()  # which may be quiet
 
 
 def few_of(scenario: Scenario) -> Scenario:

@@ -27,6 +27,7 @@ class QuietRules(NamedTuple):
     steps: the addresses of the columns of steps whose maxima are wanted
     actuators: that rules may assign, by name: the addresses of their values, and of who has assigned them
     drawn: the address of the numbers drawn by each robot, to be 0 before
+    prepares: functions to be called before, once bodies have moved: the addresses of their code and argument
     """
 
     legs: list[tuple[int, int]]
@@ -34,9 +35,10 @@ class QuietRules(NamedTuple):
     steps: list[int]
     actuators: dict[str, tuple[int, int]]
     drawn: int
+    prepares: list[tuple[int, int]]
 
 
-NOTHING = QuietRules([], [], [], {}, 0)
+NOTHING = QuietRules([], [], [], {}, 0, [])
 
 
 class QuietMinds:
@@ -116,6 +118,7 @@ class QuietMinds:
             [fleet.memory.statistics[key].own_steps().ctypes.data for key in _entering(plan)],
             {names[slot - first].name: places for slot, places in actuators.items()},
             state.draws.ctypes.data,
+            sorted({each for kernel in kernels for each in kernel.prepared}),
         )
 
     def reads(self) -> frozenset[int]:

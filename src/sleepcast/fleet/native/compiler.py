@@ -243,7 +243,8 @@ class Kernel:
         """How the functions are called that it calls."""
         self.functions = {function.name for function, _ in writer.called} | {each.name for each in writer.acting}
         """The names of the robots' own functions in it."""
-        self._prepared = sorted({(each.prepare, each.senses) for each in self.called})
+        self.prepared = sorted({(each.prepare, each.senses) for each in self.called})
+        """The functions to be called before it, each with the address of its only argument."""
         self._entries, self._count = list(writer.entries), len(programs)
         sizes = [Size(program, names, calls=calls) for program in programs]
         self.lanes, self.parts = lanes, sum(size.parts for size in sizes)
@@ -292,7 +293,7 @@ class Kernel:
                 reals[number] = when[which == TIME_SLOT]
             elif column == "tick":
                 self._table[number] = int(when[0])
-        for prepare, senses in self._prepared:
+        for prepare, senses in self.prepared:
             PREPARE(prepare)(senses)
         if (stop - start) * self.parts < SPLIT:
             return bool(self.code(start, stop, state.count, self.table))

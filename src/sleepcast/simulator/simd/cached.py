@@ -112,9 +112,12 @@ class CachedKernel:
             result = entry.address(arguments)  # type: ignore[attr-defined]  # see `linked`
             if result is not NotImplemented:
                 return int(result)
-        from sleepcast.simulator.simd.compiled import address_of
-
-        return address_of(self._other(), arguments)
+        kernel: Any = self._other()
+        kinds = tuple(map(kernel.typeof_pyval, arguments))
+        if kinds not in kernel.overloads:
+            kernel.compile(kinds)
+        made = kernel.overloads[kinds]
+        return int(made.library.get_pointer_to_function(made.fndesc.llvm_func_name))
 
     def _load(self) -> tuple[Call, ...]:
         """The entries that the cache has."""

@@ -110,15 +110,6 @@ def _made(function: Kernel, **options: Any) -> Kernel:
     return cast(Kernel, made)
 
 
-def address_of(kernel: Any, arguments: tuple[object, ...]) -> int:
-    """The address of a kernel's own function for arguments of these types; it is compiled now if it was not yet."""
-    kinds = tuple(map(numba.typeof, arguments))
-    if kinds not in kernel.overloads:
-        kernel.compile(kinds)
-    made = kernel.overloads[kinds]
-    return int(made.library.get_pointer_to_function(made.fndesc.llvm_func_name))
-
-
 @overload(formulas.either)
 def _either_of_numbers(condition, yes, no):  # type: ignore[no-untyped-def]  # numba wants it without types
     return (lambda condition, yes, no: yes if condition else no) if condition == types.boolean else None

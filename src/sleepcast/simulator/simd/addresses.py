@@ -1,8 +1,7 @@
 """Kernels by their addresses, for native code that calls them; without loading numba, if another process has already
 compiled them.
 
-The machine code of all of them lies in one piece in the cache of kernels. Only making it needs numba; llvmlite, which
-loads it, starts in a tenth of the time.
+The machine code of all of them lies in one piece in the cache of kernels. Only making it needs numba.
 """
 
 from __future__ import annotations
@@ -14,10 +13,11 @@ from importlib.util import find_spec
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
+from sleepcast.core.object_code import Linked, linked
 from sleepcast.simulator.simd.cached import ENTRIES, ROOM_NAME, identity
 
 if TYPE_CHECKING:
-    from llvmlite.binding import ExecutionEngine, ModuleRef, TargetMachine
+    from llvmlite.binding import ModuleRef, TargetMachine
 
 MODULE = f"{ROOM_NAME}.neighbours.kernels_neighbours"
 SIGNATURES: Mapping[str, tuple[str, str]] = {
@@ -51,23 +51,19 @@ def _target() -> TargetMachine:
 
 
 @cache
-def _loaded() -> tuple[ExecutionEngine, Mapping[str, int]] | None:
-    """The engine that holds the code, and where each kernel is in it."""
+def _loaded() -> tuple[Linked, Mapping[str, int]] | None:
+    """The code, and where each kernel is in it."""
     if find_spec("numba") is None or find_spec("llvmlite") is None:
         return None
-    from llvmlite import binding
-
-    target, name = _target(), f"{identity()}-by-address"
+    name = f"{identity()}-by-address"
     code = ENTRIES.load(name)
     if code is None:
-        code = _made(target)
+        code = _made(_target())
         if code is None:
             return None
         ENTRIES.save(name, code)
-    engine = binding.create_mcjit_compiler(binding.parse_assembly(""), target)
-    engine.add_object_file(binding.ObjectFileRef.from_data(code))
-    engine.finalize_object()
-    return engine, {each: engine.get_function_address(f"sleepcast_{each}") for each in SIGNATURES}
+    loaded = linked((code,), {})
+    return loaded, {each: loaded.address(f"sleepcast_{each}") for each in SIGNATURES}
 
 
 def _made(target: TargetMachine) -> bytes | None:

@@ -63,6 +63,7 @@ def called(swarm: Swarm) -> set[str]:
         ("best-of-n", 40, {"COUNT", "COLOUR", "GOTO"}),
         ("couzin", 30, {"COUNT", "MEAN_X", "MEAN_Y", "MEAN_HEADING", "DRIVE"}),
         ("beeclust", 20, None),
+        ("gauci", 20, {"SONAR", "DRIVE"}),
         ("energy", 30, None),
         ("shepherding", None, None),
     ],

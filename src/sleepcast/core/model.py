@@ -134,6 +134,8 @@ class HostFunction:
     irreversible: whether it cannot be undone, so that a desk asks for how many robots it is meant.
     moves: whether it moves the robot's body, if it acts.
     unit: in which people read the value, where its dimension does not say that: "deg" for a direction.
+    reads: the name of the sensor that it reads with such arguments (None for those that differ), if it does nothing
+        else; "" where it does.
     native: how native code calls it, if it only senses; None where it cannot.
     writes: all that it does, if it acts and does no more than that; its value is 1.
     """
@@ -151,6 +153,7 @@ class HostFunction:
     irreversible: bool = False
     moves: bool = True
     unit: str = ""
+    reads: Callable[[Sequence[float | None]], str] | None = field(default=None, compare=False)
     native: NativeForm | None = field(default=None, compare=False)
     writes: tuple[Writing, ...] = field(default=(), compare=False)
 

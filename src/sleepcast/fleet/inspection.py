@@ -50,7 +50,7 @@ from sleepcast.language.rehearsal import Rehearsal
 from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, TICK, TIME_SLOT, Vocabulary
 
-_READING = frozenset({"var", "write", "defvar", "set_user"})
+_READING = frozenset({"var", "write", "defvar", "set_user", "host"})
 _ANYTHING = "*"
 _NOWHERE = -1
 """The slot of a name that was unknown when the program was checked."""

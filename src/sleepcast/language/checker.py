@@ -379,12 +379,22 @@ class Checker:
         if not self.counts(form, least, most, function):
             return Part("const", form, number=nan)
         if not function.labelled:
-            return Part("host", form, self.parts(form.items[1:]), name=function.name.casefold(), data=function)
+            parts = self.parts(form.items[1:])
+            slot = self._slot_read(function, parts)
+            return Part("host", form, parts, slot=slot, name=function.name.casefold(), data=function)
         label = form.items[1]
         if not isinstance(label, Text):
             return self.error(f'{function.usage} @@ wants a text in quotes, such as "here"', label)
         rest = self.parts(form.items[2:])
-        return Part("host", form, rest, name=function.name.casefold(), data=Label(label.value, function))
+        return Part("host", form, rest, slot=-1, name=function.name.casefold(), data=Label(label.value, function))
+
+    def _slot_read(self, function: HostFunction, parts: Sequence[Part]) -> int:
+        """The slot of the sensor whose value a function gives, -1 if it does not say so."""
+        if function.reads is None:
+            return -1
+        name = function.reads([each.number if each.op == "const" else None for each in parts])
+        sensor = self.names.vocabulary.bindings.get(name.casefold())
+        return sensor.slot if isinstance(sensor, Variable) else -1
 
     def parameters(self, key: str) -> int:
         """How many parameters an operator has or will have."""

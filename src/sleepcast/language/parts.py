@@ -38,7 +38,7 @@ class Part:
 
     parts: the parts that are evaluated, in order.
     number: a constant's value, or a count.
-    slot: in the values, or the number of a local name.
+    slot: in the values, or the number of a local name; of `host` that of the sensor that it reads, -1 for none.
     name: the key of what is named.
     data: what else the op needs, see `checker`.
     watch: for the top-level test of a program, how many leading parts are the test (`and`), or 1 (`if`, `clause`).

@@ -28,8 +28,6 @@ from sleepcast.simulator.scenario.robot_settings import TENTH
 from sleepcast.simulator.scenario.robot_types import names_of
 from sleepcast.simulator.scenario.scenario import Scenario
 
-FEW = 1_000
-"""Robots below which NumPy finds their neighbours soon enough."""
 MAX_CASTE = 254
 """`pinged` gives one byte per robot; castes above this are reported as this one."""
 OTHER_COLOUR = 255
@@ -42,8 +40,8 @@ class Simulator:
 
     payload: what a program adds to the bodies
     machine: the array backend (see `engine`). None chooses the fastest one installed, on `threads` threads (None: one
-        per core); but NumPy for robots without bumpers and sonars, of whom few sense their neighbours, since loading
-        numba takes a second.
+        per core); but NumPy for robots without bumpers and sonars that do not sense their neighbours, for which it is
+        fast enough.
     names, robots: one for each robot, by its index; a robot's own number is its index + 1
     model: the robots' common model
     """
@@ -60,8 +58,7 @@ class Simulator:
         self.seed = scenario.seed if seed is None else read_seed(seed)
         if machine is None:
             blind = scenario.robots.ring is None and not scenario.robots.bumpers
-            light = blind and (scenario.neighbours is None or scenario.robots.count < FEW)
-            machine = choose("numpy" if light else None, threads)
+            machine = choose("numpy" if blind and scenario.neighbours is None else None, threads)
         self.pool = machine.pool or ThreadPool(threads or cores())
         """The threads available to the simulator."""
         self.payload = payload

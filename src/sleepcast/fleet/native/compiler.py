@@ -75,8 +75,8 @@ class ResultColumns(NamedTuple):
 class Writer:
     """Writes the text of one loop. counted: whether the steps of each program are stored. calls: see `is_native`.
 
-    bodies: the columns of bodies that the code uses, by name. acting: the functions that write them. called: the
-    functions that it calls, each with the constants among its arguments.
+    bodies: the columns of bodies that the code uses, by name. own: the robots' own functions in it. called: those that
+    it calls, each with the constants among its arguments.
     """
 
     def __init__(self, programs: Sequence[Program], names: Meaning, lanes: int, counted: bool, calls: bool) -> None:
@@ -84,9 +84,9 @@ class Writer:
         self.entries: dict[Entry, int] = {}
         self.called: list[tuple[HostFunction, tuple[float | None, ...]]] = []
         self._programs, self._names, self._counted, self._calls = programs, names, counted, calls
-        self.acting = _acting(programs, names) if calls else []
-        written = {each.into.name: each.into for function in self.acting for each in function.writes}
-        flags = [each.unless for function in self.acting for each in function.writes if each.unless is not None]
+        self.own = _own(programs, names) if calls else []
+        written = {each.into.name: each.into for function in self.own for each in function.writes}
+        flags = [each.unless for function in self.own for each in function.writes if each.unless is not None]
         self._written_bodies = written
         self.bodies: dict[str, BodyColumn] = written | {flag.name: flag for flag in flags}
         self._base = ""
@@ -241,7 +241,7 @@ class Kernel:
         self._bodies = writer.bodies
         self.called = [_bound(*each) for each in writer.called]
         """How the functions are called that it calls."""
-        self.functions = {function.name for function, _ in writer.called} | {each.name for each in writer.acting}
+        self.functions = {each.name for each in writer.own}
         """The names of the robots' own functions in it."""
         self.prepared = sorted({(each.prepare, each.senses) for each in self.called})
         """The functions to be called before it, each with the address of its only argument."""
@@ -400,10 +400,10 @@ def _all(programs: Sequence[Program], names: Meaning) -> list[Program]:
     return [*programs, *(meant for meant in names.values() if isinstance(meant, Program))]
 
 
-def _acting(programs: Sequence[Program], names: Meaning) -> list[HostFunction]:
-    """The acting functions that native code of programs does itself."""
+def _own(programs: Sequence[Program], names: Meaning) -> list[HostFunction]:
+    """The robots' own functions that native code of programs calls, or does itself."""
     parts = [part for program in _all(programs, names) for part in walk(program.root) if part.op == "host"]
-    return [function for function in map(host_of, filter(is_called, parts)) if function.acts]
+    return [host_of(part) for part in parts if is_called(part)]
 
 
 def _written(programs: Sequence[Program], names: Meaning) -> list[int]:

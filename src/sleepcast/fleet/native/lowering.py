@@ -220,7 +220,10 @@ class Lowering:
             self._in_trouble(a.either(a.neither(known), held), mask)
             self._act(function, numbers, mask)
             return a.one
-        value = self._columns.call(function, constants(part), numbers, a.both(known, mask))
+        if part.slot >= 0:  # robots whose rules read a sensor have measured it before they think
+            value = self._columns.slot(part.slot)
+        else:
+            value = self._columns.call(function, constants(part), numbers, a.both(known, mask))
         finite = a.neither(self._unknown(a.binary("fsub", a.real, value, value)))
         return a.select(a.both(known, finite), value, a.nan)
 

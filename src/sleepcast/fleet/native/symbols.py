@@ -104,7 +104,7 @@ def is_called(part: Part) -> bool:
     function = host_of(part)
     if function.acts:
         return bool(function.writes)
-    return function.native is not None and function.native.takes(constants(part))
+    return part.slot >= 0 or (function.native is not None and function.native.takes(constants(part)))
 
 
 def constants(part: Part) -> tuple[float | None, ...]:

@@ -5,9 +5,9 @@ A `Body` is a `Robot`. It only stores commands; the next tick executes them with
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from math import isnan, pi
+from math import isfinite, isnan, pi
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from sleepcast.core.model import BodyColumn, HostFunction, Quantity, RestState, 
 from sleepcast.core.units import LENGTH, NONE, RATE, SPEED, Dimension
 from sleepcast.robot import Geometry, Reading, RobotModel, Setpoint
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Floats, Mode, Saying, Whole
-from sleepcast.simulator.scenario.robot_settings import TENTH
+from sleepcast.simulator.scenario.robot_settings import TENTH, Ring
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.sensors import sonar_sensors
 from sleepcast.simulator.scenario.signals import signal_constants
@@ -237,6 +237,16 @@ def _lacking(scenario: Scenario, functions: tuple[HostFunction, ...]) -> tuple[H
     return tuple(replace(function, many=None) for function in functions) if scenario.sorts else functions
 
 
+def _reading(ring: Ring) -> tuple[HostFunction, ...]:
+    """The functions of sonars that form one ring: the number of a sonar may be known beforehand."""
+
+    def reads(arguments: Sequence[float | None]) -> str:
+        (which,) = arguments
+        return f"sonar{int(which) % ring.count}" if which is not None and isfinite(which) else ""
+
+    return tuple(replace(each, reads=reads) if each.name == "SONAR" else each for each in SONAR_FUNCTIONS)
+
+
 def _writes(bodies: Bodies) -> dict[str, tuple[Writing, ...]]:
     """What those functions write that do nothing else, by name. Bodies move in the next tick, so nobody senses it in
     this one."""
@@ -269,6 +279,7 @@ def model_of(
     speed, turn = robots.limits.speed, robots.limits.turn_rate
     wheels = NOMAD_FUNCTIONS if scenario.nomad else WHEEL_FUNCTIONS
     writes = _writes(bodies)
+    sonars = _reading(robots.ring) if robots.ring and not scenario.sorts else SONAR_FUNCTIONS
     return RobotModel(
         robots.type,
         sensors=(*bodies.sensors, *(sonar_sensors(robots.ring, scenario.length_unit) if robots.ring else ())),
@@ -280,7 +291,7 @@ def model_of(
         functions=(
             *(replace(each, writes=writes.get(each.name, ())) for each in FUNCTIONS),
             *_lacking(scenario, wheels if robots.wheels else ()),
-            *_lacking(scenario, SONAR_FUNCTIONS if robots.geometry.sonars else ()),
+            *_lacking(scenario, sonars if robots.geometry.sonars else ()),
             *functions,
         ),
         limits=robots.limits,

@@ -34,9 +34,7 @@ def write(file: Path, name: str, shown: int) -> None:
         texts = [f"{name}.{number}"]
         if number % 7 == 3:
             texts += [f"{name}.{number}.{more}" for more in range(3)]
-            with journal.together():
-                for text in texts:
-                    journal.append(PendingEntry(0.0, name, JournalEvent.SENT, text=text))
+            journal.append(*(PendingEntry(0.0, name, JournalEvent.SENT, text=text) for text in texts))
         else:
             journal.append(PendingEntry(0.0, name, JournalEvent.SENT, text=texts[0], details={"robots": ["r1"] * 50}))
         os.write(shown, "".join(f"{text}\n" for text in texts).encode())

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 
 import pytest
 
@@ -16,7 +15,7 @@ from sleepcast.cli.tui.completion import members_of, names_of, range_of
 from sleepcast.cli.tui.session import AGAIN_WITHIN, HELD, STOP_AGAIN, WHY_PATIENCE, TuiSession
 from sleepcast.language import Checked
 from sleepcast.station import MemoryJournal
-from sleepcast.station.journal.journal import JournalError
+from sleepcast.station.journal.journal import JournalError, PendingEntry
 from sleepcast.station.remote import RemoteMinds, TelemetryClient
 from station.test_rest import Boat
 
@@ -375,10 +374,8 @@ def test_a_full_disk_stops_commands_but_no_stop(seat: Seat) -> None:
 
 
 class FullDisk(MemoryJournal):
-    @contextmanager
-    def together(self) -> Iterator[None]:
+    def append(self, *entries: PendingEntry) -> None:
         raise JournalError("the disk is full")
-        yield
 
 
 def test_why_is_asked_on_the_air(seat: Seat) -> None:

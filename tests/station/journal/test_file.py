@@ -9,7 +9,7 @@ import stat
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import closing, suppress
+from contextlib import closing
 from math import inf, nan
 from pathlib import Path
 from threading import Thread
@@ -17,10 +17,19 @@ from threading import Thread
 import numpy as np
 import pytest
 
+from sleepcast.channel import Kind
 from sleepcast.channel.message_batch import NameIndex
 from sleepcast.core.clock import ManualClock
 from sleepcast.station import JournalEvent, Station
-from sleepcast.station.journal.file import MAX_LISTED, ArchiveLimits, DeferredJournal, NoJournalError, SqliteJournal
+from sleepcast.station.journal.file import (
+    INSERT,
+    MAX_LISTED,
+    ArchiveLimits,
+    DeferredJournal,
+    NoJournalError,
+    SqliteJournal,
+    transaction,
+)
 from sleepcast.station.journal.journal import JournalError, PendingEntry
 from sleepcast.station.journal.reader import JournalReader, Query, Verified
 from sleepcast.station.roster import RobotNames
@@ -45,9 +54,13 @@ def journal(file: Path, clock: ManualClock) -> Iterator[SqliteJournal]:
         yield found
 
 
+def pending(number: int, text: str = "(ST)") -> PendingEntry:
+    return PendingEntry(float(number), "desk", JournalEvent.SENT, subject=f"desk-1.{number}", text=text)
+
+
 def fill(journal: SqliteJournal, first: int, last: int) -> None:
     for number in range(first, last + 1):
-        journal.append(PendingEntry(float(number), "desk", JournalEvent.SENT, subject=f"desk-1.{number}", text="(ST)"))
+        journal.append(pending(number))
 
 
 def verified(file: Path) -> Verified:
@@ -94,9 +107,16 @@ def test_entries_come_back_as_they_were_also_to_another_process(journal: SqliteJ
     assert stat.S_IMODE(os.stat(file).st_mode) == 0o600
 
 
+def test_numbers_and_texts_of_any_kind_can_be_written(journal: SqliteJournal) -> None:
+    told = {"kind": Kind.ANSWER, "name": np.str_("r1"), "most": 2**63 - 1, "more": -(2**70), "truth": np.bool_(True)}
+    journal.append(PendingEntry(0.0, "r1", JournalEvent.HEARD, details=told))
+    (heard,) = journal.entries()
+    wanted = {"kind": "answer", "name": "r1", "most": 2**63 - 1, "more": str(-(2**70)), "truth": True}
+    assert heard.details == wanted
+
+
 def test_more_entries_than_one_page_come_back(journal: SqliteJournal, file: Path) -> None:
-    with journal.together():
-        fill(journal, 1, 1234)
+    journal.append(*map(pending, range(1, 1235)))
     assert [entry.number for entry in journal.entries()] == list(range(1, 1235))
     assert found(file, Query()) == list(range(1, 1235))
 
@@ -171,39 +191,19 @@ def test_it_is_read_while_it_is_written(journal: SqliteJournal, file: Path) -> N
     with JournalReader(file) as reader:
         fill(journal, 4, 5)
         assert [written.entry.number for written in reader.search(Query())] == [1, 2, 3]
-        with journal.together():
-            fill(journal, 6, 6)
+        with transaction(journal._connection):
+            journal._connection.executemany(INSERT, journal._chained([pending(6)]))
             assert found(file, Query(after=3)) == [4, 5]
     assert found(file, Query(after=3)) == [4, 5, 6]
 
 
-def test_an_error_among_many_entries_keeps_none_of_them(journal: SqliteJournal, file: Path) -> None:
-    def fail() -> None:
-        with journal.together():
-            fill(journal, 1, 2)
-            raise RuntimeError
-
-    with pytest.raises(RuntimeError):
-        fail()
-    fill(journal, 1, 1)
-    assert (verified(file).count, verified(file).broken) == (1, "")
-
-
-def insist(journal: SqliteJournal, first: int, last: int) -> None:
-    """Write long entries together, and go on where one is refused."""
-    with journal.together():
-        for number in range(first, last + 1):
-            with suppress(JournalError):
-                journal.append(PendingEntry(float(number), "desk", JournalEvent.SENT, text="x" * 1_000))
-
-
-def test_what_follows_on_a_refused_entry_makes_no_gap(journal: SqliteJournal, file: Path) -> None:
+def test_of_many_entries_all_are_written_or_none(journal: SqliteJournal, file: Path) -> None:
     """A full disk has SQLite take back the whole transaction, not the one entry."""
     fill(journal, 1, 1)
     pages = journal._connection.execute("PRAGMA page_count").fetchone()[0]
     journal._connection.execute(f"PRAGMA max_page_count = {pages + 2}")
-    with pytest.raises(JournalError):
-        insist(journal, 2, 21)
+    with pytest.raises(JournalError, match="full"):
+        journal.append(*(pending(number, "x" * 1_000) for number in range(2, 22)))
     journal._connection.execute("PRAGMA max_page_count = 100000")
     fill(journal, 2, 2)
     assert [each.number for each in journal.entries()] == [1, 2]
@@ -212,7 +212,7 @@ def test_what_follows_on_a_refused_entry_makes_no_gap(journal: SqliteJournal, fi
 
 def test_nobody_waits_longer_than_he_has_patience(journal: SqliteJournal, file: Path) -> None:
     other = SqliteJournal(file, ManualClock(), patience=0.01)
-    with closing(other), journal.together(), pytest.raises(JournalError, match="locked"):
+    with closing(other), transaction(journal._connection), pytest.raises(JournalError, match="locked"):
         fill(other, 1, 1)
 
 
@@ -321,11 +321,17 @@ def test_what_somebody_adds_for_himself_is_nobodys_harm(journal: SqliteJournal, 
     assert (verified(file).count, verified(file).broken) == (5, "")
 
 
-def test_a_moment_is_found_without_reading_everything(journal: SqliteJournal, file: Path, clock: ManualClock) -> None:
-    with journal.together():
-        for number in range(1, 401):
-            clock.advance(1.0)
-            fill(journal, number, number)
+class TickingClock(ManualClock):
+    """A second passes each time somebody looks at it."""
+
+    def now(self) -> float:
+        self.advance(1.0)
+        return super().now()
+
+
+def test_a_moment_is_found_without_reading_everything(file: Path) -> None:
+    with closing(SqliteJournal(file, TickingClock(1000.0))) as journal:
+        journal.append(*map(pending, range(1, 401)))
     steps: list[int] = []
     for since, until, numbers in ((1398.0, None, [398, 399, 400]), (None, 1003.0, [1, 2, 3]), (5000.0, None, [])):
         with JournalReader(file) as reader:
@@ -425,8 +431,8 @@ def test_a_file_that_comes_late_is_written_then(tmp_path: Path) -> None:
     file = tmp_path / "journal.db"
     file.mkdir()
     with closing(DeferredJournal(file, ManualClock())) as journal:
-        with pytest.raises(JournalError), journal.together():
-            pass
+        with pytest.raises(JournalError):
+            journal.append(pending(1))
         file.rmdir()
         journal.append(PendingEntry(0.0, "desk", JournalEvent.SENT, text="(ST)"))
         assert [entry.text for entry in journal.entries()] == ["(ST)"]
@@ -459,8 +465,7 @@ def test_what_is_no_journal_is_left_alone(tmp_path: Path) -> None:
 
 
 def test_a_damaged_file_is_told_in_a_sentence(journal: SqliteJournal, file: Path) -> None:
-    with journal.together():
-        fill(journal, 1, 300)
+    journal.append(*map(pending, range(1, 301)))
     journal.close()
     data = bytearray(file.read_bytes())
     middle = data.find(b'"number":200')

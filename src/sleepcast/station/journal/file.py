@@ -17,7 +17,7 @@ import os
 import sqlite3
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, closing, contextmanager, nullcontext, suppress
+from contextlib import closing, contextmanager, suppress
 from functools import partial
 from math import inf, isfinite
 from pathlib import Path
@@ -49,7 +49,8 @@ MAX_BYTES = 64 * 1024 * 1024
 """Bytes of one value in the file: an entry with the longest lists has less."""
 MAX_DEPTH = 16
 """Lists within each other in details: four times what a message may have."""
-_ENCODER = json.JSONEncoder(ensure_ascii=False, separators=(",", ":"))
+MAX_INTEGER = 2**63 - 1
+"""The largest integer that is written as a number; a larger one is a text."""
 
 SCHEMA = """
 CREATE TABLE entries (
@@ -68,6 +69,7 @@ CREATE TRIGGER entries_stay BEFORE UPDATE ON entries BEGIN SELECT RAISE(ABORT, '
 """
 KEPT = "CREATE TRIGGER entries_are_kept BEFORE DELETE ON entries BEGIN SELECT RAISE(ABORT, 'a journal only grows'); END"
 """Against accidents; deliberate changes are found by the chain."""
+INSERT = "INSERT INTO entries (number, line, hash) VALUES (?, ?, ?)"
 
 
 class NoJournalError(JournalError):
@@ -100,7 +102,8 @@ def digest(before: bytes, line: str) -> bytes:
 
 
 def line_of(entry: JournalEntry, written: float) -> str:
-    """An entry as a line of JSON: bytes in hexadecimal, and `null` for what is unknown or never comes."""
+    """An entry as a line of JSON: bytes in hexadecimal, `null` for what is unknown or never comes, and an integer of
+    more than 64 bits as text."""
     details: dict[str, object] = {}
     for key, value in entry.details.items():
         if isinstance(value, RobotNames) and len(value) > MAX_LISTED:
@@ -116,7 +119,7 @@ def line_of(entry: JournalEntry, written: float) -> str:
         "text": _text(entry.text),
         "details": details,
     }
-    return _ENCODER.encode(fields)
+    return msgspec.json.encode(fields).decode()
 
 
 def read_line(line: str, hash: bytes) -> FiledEntry:
@@ -141,11 +144,14 @@ def read_line(line: str, hash: bytes) -> FiledEntry:
 
 
 def _plain(value: object, depth: int = 0) -> object:
+    """What `line_of` can write for a value, of exactly these types."""
     match value:
-        case None | bool() | int():
+        case None | bool():
             return value
         case str():
-            return _text(value)
+            return _text(str(value))
+        case int() if abs(value) <= MAX_INTEGER:
+            return value
         case np.generic():
             return _plain(value.item(), depth)
         case float():
@@ -380,48 +386,28 @@ class SqliteJournal:
         self._patience = patience
         self._clock, self._lock = clock, RLock()
         self._connection = open_writing(file)
-        self._together = False
-        self._last: tuple[int, bytes] | None = None
-        """The number and the hash of the last entry, once one is written in this transaction, in which nobody else
-        writes."""
 
     def close(self) -> None:
         """Be done with the file."""
         with self._lock:
             self._connection.close()
 
-    def append(self, entry: PendingEntry) -> None:
-        """Write one entry; its number is the next one. It is on the disk when this returns, or, within `together`,
-        when that ends. Raises JournalError, too, for what follows on an entry that a full disk has refused: with that
-        one, SQLite takes back all before it."""
-        with self._lock, nullcontext() if self._together else self.together():
-            if not self._connection.in_transaction:
-                raise JournalError(f"the journal {self.file}: entries that belong together were taken back")
-            number, before = self._last or self._head()
-            line = line_of(JournalEntry(number + 1, *entry), self._clock.now())
-            last = number + 1, digest(before, line)
-            with journal_errors(self.file):
-                self._connection.execute(
-                    "INSERT INTO entries (number, line, hash) VALUES (?, ?, ?)", (last[0], line, last[1])
-                )
-            self._last = last
-
-    @contextmanager
-    def together(self) -> Iterator[None]:
-        """Entries that are written within this come to the disk at once, when it ends: many cost what one does. None
-        does if that raises anything. Others cannot write meanwhile, so it must be short."""
+    def append(self, *entries: PendingEntry) -> None:
+        """Write entries; their numbers are the next ones. They are on the disk when this returns: many cost what one
+        does. None is if this raises JournalError. Others cannot write meanwhile, so they must not be too many."""
         with self._lock:
-            if self._together:
-                yield
-                return
             if self._is_full():
                 self._move(only_if_full=True)
             with journal_errors(self.file), transaction(self._connection, self._patience):
-                self._together = True
-                try:
-                    yield
-                finally:
-                    self._together, self._last = False, None
+                self._connection.executemany(INSERT, self._chained(entries))
+
+    def _chained(self, entries: Iterable[PendingEntry]) -> Iterator[tuple[int, str, bytes]]:
+        """The rows of the next entries. Nobody else writes meanwhile."""
+        latest, before = self._head()
+        for number, entry in enumerate(entries, latest + 1):
+            line = line_of(JournalEntry(number, *entry), self._clock.now())
+            before = digest(before, line)
+            yield number, line, before
 
     def entries(self, after: int = 0) -> Iterator[JournalEntry]:
         """The entries in this file with a number above `after`, oldest first."""
@@ -483,7 +469,7 @@ class SqliteJournal:
                 prepare(copy, beside, origin_of(self._connection), live=False)
                 with transaction(copy):
                     rows = self._connection.execute("SELECT number, line, hash FROM entries ORDER BY number")
-                    copy.executemany("INSERT INTO entries (number, line, hash) VALUES (?, ?, ?)", rows)
+                    copy.executemany(INSERT, rows)
             os.replace(beside, archive)
             settle(archive.parent)
         except BaseException:
@@ -530,13 +516,9 @@ class DeferredJournal:
             self._opened = self._open()
         return self._opened
 
-    def append(self, entry: PendingEntry) -> None:
+    def append(self, *entries: PendingEntry) -> None:
         """As `SqliteJournal`."""
-        self._journal.append(entry)
-
-    def together(self) -> AbstractContextManager[None]:
-        """As `SqliteJournal`."""
-        return self._journal.together()
+        self._journal.append(*entries)
 
     def entries(self, after: int = 0) -> Iterator[JournalEntry]:
         """As `SqliteJournal`."""

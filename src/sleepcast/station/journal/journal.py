@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sized
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from enum import StrEnum
 from types import MappingProxyType
 from typing import NamedTuple, Protocol
@@ -84,11 +84,9 @@ class Report(msgspec.Struct, frozen=True):
 class Journal(Protocol):
     """Where the desk writes; it only ever appends. Whatever keeps a journal raises JournalError where it cannot."""
 
-    def append(self, entry: PendingEntry) -> None:
-        """Write one entry; its number is the next one."""
-
-    def together(self) -> AbstractContextManager[None]:
-        """Entries written within this are stored together when it ends, so that many cost as much as one."""
+    def append(self, *entries: PendingEntry) -> None:
+        """Write entries, together or none of them, so that many cost as much as one; their numbers are the next
+        ones."""
 
     def entries(self, after: int = 0) -> Iterable[JournalEntry]:
         """The entries with a number above `after`, oldest first."""
@@ -112,10 +110,11 @@ class MemoryJournal:
         self._size, self._most = size, most
         self._written = self._bytes = 0
 
-    def append(self, entry: PendingEntry) -> None:
-        """Write one entry; its number is the next one."""
-        self._written += 1
-        self._take(JournalEntry(self._written, *entry))
+    def append(self, *entries: PendingEntry) -> None:
+        """Write entries; their numbers are the next ones."""
+        for entry in entries:
+            self._written += 1
+            self._take(JournalEntry(self._written, *entry))
 
     def _take(self, entry: JournalEntry) -> None:
         """Hold one more, and let go of the oldest that are too many."""
@@ -123,10 +122,6 @@ class MemoryJournal:
         self._bytes += size_of(entry)
         while len(self._entries) > self._size or (self._bytes > self._most and len(self._entries) > 1):
             self._bytes -= size_of(self._entries.popleft())
-
-    def together(self) -> AbstractContextManager[None]:
-        """Nothing: memory keeps at once."""
-        return nullcontext()
 
     def entries(self, after: int = 0) -> list[JournalEntry]:
         """The stored entries with a number above `after`, oldest first."""
@@ -195,9 +190,7 @@ class JournalWriter:
     def _put_down(self, now: float) -> JournalError | None:
         """Write everything that waits into the journal, and return the errors."""
         try:
-            with self.journal.together():
-                for note in self._kept:
-                    self.journal.append(note)
+            self.journal.append(*self._kept)
         except JournalError as error:
             self._next = now + AGAIN
             lost = f", and {self._lost} are lost" if self._lost else ""

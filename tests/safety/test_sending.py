@@ -373,7 +373,7 @@ def test_what_robots_tell_counts_though_nobody_listened_meanwhile(monkeypatch: p
     desk = scene.desk(minds=minds)
     telemetry = TelemetryClient(desk, minds)
     desk.listeners.append(telemetry.hear)
-    monkeypatch.setattr(desk.session, "wait", scene.run)
+    monkeypatch.setattr(desk.session, "listen", scene.run)
 
     def stand_still_after(name: str) -> None:
         """The desk's process stands still for 3 s after its first call of this."""

@@ -61,7 +61,7 @@ _MAX_REPORTED = 8
 GATHER_FOR = 0.001
 """Seconds to wait after something was received, so that datagrams which arrive close together are handled together: a
 flood does not wake us for each datagram."""
-_GATHER_ANSWERS = 0.01
+_GATHER_ANSWERS = 0.02
 """The same for an operator, who has to hear a thousand robots in a second: a person does not see the difference, and
 each waking takes as much time as an answer."""
 _REPORT_EVERY = 1.0
@@ -161,7 +161,8 @@ class ChannelSession:
     def _read(self, datagrams: Iterable[bytes]) -> None:
         for datagram in datagrams:
             now = self._clock.now()
-            self._hear(self.delivery.take(datagram, now), now)
+            if messages := self.delivery.take(datagram, now):
+                self._hear(messages, now)
         self._hear(self.delivery.turned_away(), self._clock.now())
 
     def hear(self, messages: Iterable[Message]) -> None:
@@ -207,6 +208,17 @@ class ChannelSession:
     def wait(self, seconds: float) -> None:
         """Pump for some seconds; a robot that receives STOP stops waiting."""
         wait_together([self], self.transport, seconds, self._clock)
+
+    def listen(self, seconds: float) -> None:
+        """Wait until something has come to an operator, and a little longer for what comes with it, or until something
+        is to be sent: the next copy of a STOP is not to be late. At most so many seconds; nothing is received yet."""
+        now = self._clock.now()
+        until = min(now + seconds, self.pump_due())
+        if until <= now:
+            return
+        came, _, _ = select.select([self.transport], [], [], until - now)
+        if came:
+            select.select([], [], [], max(0.0, min(_GATHER_ANSWERS, until - self._clock.now())))
 
     def close(self) -> None:
         """Leave the channel. Nothing can be sent or received afterwards."""
@@ -312,8 +324,9 @@ class ChannelSession:
 
     def _hear(self, messages: list[Message], now: float) -> None:
         admission = self.delivery.admission
-        let_in = sift(messages, self._answers, (self.delivery.name,), admission, now)
-        self.hear(to_mind_time(message, self.zero, admission, now) for message in let_in)
+        if admission.robot:
+            messages = sift(messages, self._answers, (self.delivery.name,), admission, now)
+        self.hear([to_mind_time(message, self.zero, admission, now) for message in messages])
 
 
 class Waitable(Protocol):
@@ -331,17 +344,7 @@ def wait_together(sessions: Sequence[ChannelSession], received: Waitable, second
         select.select([received], [], [], max(0.0, min(until, due) - now))
         came = [session.pump() for session in sessions]
         if any(came) and not any(session.has_stop for session in sessions):
-            now = clock.now()
-            select.select([], [], [], max(0.0, min(_gather_for(sessions, now), until - now)))
-
-
-def _gather_for(sessions: Sequence[ChannelSession], now: float) -> float:
-    """Seconds to wait for more after something was received. An operator waits longer, unless there is something to be
-    sent meanwhile: the next copy of a STOP is not to be late."""
-    if any(session.delivery.admission.robot for session in sessions):
-        return GATHER_FOR
-    due = min((session.pump_due() for session in sessions), default=inf)
-    return max(GATHER_FOR, min(_GATHER_ANSWERS, due - now))
+            select.select([], [], [], max(0.0, min(GATHER_FOR, until - clock.now())))
 
 
 def sift(
@@ -351,7 +354,7 @@ def sift(
     that robots are to refuse are among them, see `AnswerBudget.has_refused`."""
     let_in = []
     for message in messages:
-        if message.kind is Kind.ASK and admission.robot:
+        if message.kind is Kind.ASK:
             verdict = answers.ask(message, names, now)
             if verdict is not BudgetDecision.LET_IN:
                 _count_held_back(admission, message.key)

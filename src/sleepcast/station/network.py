@@ -423,11 +423,12 @@ class NetworkStation(Station):
                     if message.ahead:  # its clock is wrong, and it answers us: this is of now
                         self.conflicts.hear(msgspec.structs.replace(message, issued=self.now), self.now)
                     heard.append(known)
-                    self._take_in(known)
-                    if self._roster.names.index_of(message.sender) is None and message.key:
+                    if self._take_in(known) is None and message.key:
                         self.session.delivery.admission.no_room(bytes.fromhex(message.key))
-                    self._learn_stops(known)
-                    self._learn_time(known)
+                    if STOPS in known.body:
+                        self._learn_stops(known)
+                    if TOOK in known.body:
+                        self._learn_time(known)
                 elif message.role != Role.ROBOT or message.kind is Kind.STOP:
                     self._overhear(message)
         self.listened = began
@@ -440,17 +441,22 @@ class NetworkStation(Station):
     def wait(self, seconds: float) -> list[Message]:
         """Pump for this many seconds, and return what was received."""
         until, heard = self._clock.now() + seconds, self.pump()
-        while (now := self._clock.now()) < until:
-            self.session.wait(min(until - now, max(0.0, self.due() - now)))
-            heard += self.pump()
-            self.between()
+        while (left := until - self._clock.now()) > 0.0:
+            heard += self._listen(left)
         return heard
 
     def wait_until(self, done: Callable[[], bool], until: float, every: float = LEAST_WITHIN) -> None:
-        """Wait until something is so, looking every so many seconds, or until everything has been heard that came up to
-        a time (s of Unix time)."""
+        """Wait until something is so, looking when something has come and every so many seconds, or until everything
+        has been heard that came up to a time (s of Unix time)."""
         while not done() and self.listened < until:
-            self.wait(max(0.0, min(every, until - self._clock.now())))
+            self._listen(min(every, until - self._clock.now()))
+
+    def _listen(self, seconds: float) -> list[Message]:
+        """Wait until something has come or is due, at most so many seconds, and pump."""
+        self.session.listen(max(0.0, min(seconds, self.due() - self._clock.now())))
+        heard = self.pump()
+        self.between()
+        return heard
 
     def gather(self, command: Command, patience: float) -> None:
         """Wait until all robots have answered, or the time for answers and `patience` s more are over, or that time is
@@ -499,6 +505,8 @@ class NetworkStation(Station):
         self._shared.take(command, place, message, answer, self._clock.now())
 
     def _update_latch(self, robots: Index, stopped: Mask, now: float) -> None:
+        if self._sent.latch is None:
+            return
         plain = self._shared.is_plain(robots, self._clock.now())
         super()._update_latch(robots[plain], stopped[plain], now)
 

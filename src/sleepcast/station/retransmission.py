@@ -98,7 +98,7 @@ class Retransmission:
 
     def known(self, message: Message) -> Message:
         """A robot's message, in which an answer to a repeated message names the first one."""
-        first = self._first.get(str(message.body.get("command")))
+        first = self._first.get(str(message.body.get("command"))) if self._first else None
         return message if first is None else msgspec.structs.replace(message, body={**message.body, "command": first})
 
     def attend(self, now: float) -> None:

@@ -524,7 +524,8 @@ class Station:
         for listener in tuple(self.listeners):
             listener(messages)
 
-    def _take_in(self, message: Message) -> None:
+    def _take_in(self, message: Message) -> int | None:
+        """Gives the robot's place, None if there is no room for one more."""
         with self._lock:
             now = self._clock.now()
             place = self._roster.hear(message.sender, now, message.key)
@@ -539,12 +540,12 @@ class Station:
                     self._count(command, place, message, answer)
                 self._take_rest(place, message)
                 if TELEMETRY in message.body or (command is not None and command.is_look):
-                    return
+                    return place
             else:
-                return
-            details = {"kind": message.kind.value, **message.body}
-            subject = message.body.get("command", "")
-            self._note(JournalEvent.HEARD, message.sender, subject=str(subject), details=details)
+                return place
+            subject, details = str(message.body.get("command", "")), {"kind": message.kind.value, **message.body}
+            self._note(JournalEvent.HEARD, message.sender, subject=subject, details=details)
+            return place
 
     def _count(self, command: Command, place: int, message: Message, answer: Answer) -> None:
         """Count what the robot at a place answers."""

@@ -13,7 +13,6 @@ from collections import OrderedDict, deque
 from collections.abc import Callable, Iterable
 from math import inf
 from random import Random
-from typing import NamedTuple
 
 import msgspec
 
@@ -150,7 +149,7 @@ class ReplayWindows:
         self._lost(key)
 
 
-class Admitted(NamedTuple):
+class Admitted(msgspec.Struct, frozen=True, gc=False):
     """A verified message, and the datagrams that it came in."""
 
     message: Message
@@ -246,8 +245,8 @@ class Admission:
     def admit(self, part: Fragment, datagram: bytes) -> Admitted | None:
         """The rest of `enter`, after `look`."""
         try:
-            key = self.trust.find(part.key)
-            reason = self._objection(part, key, datagram)
+            key, now = self.trust.find(part.key), self._clock.now()
+            reason = self._objection(part, key, datagram, now)
             if reason is not None or key is None:
                 self.drops.add(reason or DropReason.UNKNOWN_KEY, part.key)
                 return None
@@ -256,7 +255,7 @@ class Admission:
             if reason is not None:
                 self.drops.add(reason, part.key)
                 return None
-            entered = self._completed(part, piece, datagram, key.role)
+            entered = self._completed(part, piece, datagram, key, now)
         except EnvelopeError:
             self.drops.add(DropReason.MALFORMED, part.key)
             return None
@@ -287,7 +286,7 @@ class Admission:
         """Something that was kept of this key has given way to more of the same: count it, so that somebody is told."""
         self.drops.add(DropReason.NO_ROOM, key)
 
-    def _objection(self, part: Fragment, key: PublicKey | None, datagram: bytes) -> DropReason | None:
+    def _objection(self, part: Fragment, key: PublicKey | None, datagram: bytes, now: float) -> DropReason | None:
         """Why the part is dropped, judged without its content."""
         if key is None:
             return DropReason.UNKNOWN_KEY
@@ -297,7 +296,6 @@ class Admission:
             return DropReason.NOT_ALLOWED
         if part.kind in TO_OPERATOR if self.robot else part.kind in _TO_ROBOTS and key.role is Role.ROBOT:
             return DropReason.NOT_FOR_US
-        now = self._clock.now()
         tells_time = self._tells_time(part)
         untimely = None if part.kind in self._timeless or tells_time else self._untimely(part, now)
         tells = self.robot and part.kind in _COMMANDING and key.role is not Role.ROBOT and part.parts == 1
@@ -402,7 +400,7 @@ class Admission:
         waiting = self._open.get((key, sender, epoch, sequence))
         return () if waiting is None else tuple(part for part in range(waiting.parts) if part not in waiting.pieces)
 
-    def _completed(self, part: Fragment, piece: Piece, datagram: bytes, role: Role) -> Admitted | None:
+    def _completed(self, part: Fragment, piece: Piece, datagram: bytes, key: PublicKey, now: float) -> Admitted | None:
         """The message, if this was its last missing part."""
         content, datagrams = piece.content, (bytes(datagram),)
         if part.parts > 1:
@@ -420,13 +418,11 @@ class Admission:
             content = b"".join(contents)
             if len(content) > MAX_CONTENT:
                 raise EnvelopeError("a message whose parts are too long together")
-        now = self._clock.now()
         ahead = part.issued - now if self._untimely(part, now) is not None else 0.0
-        message = read_message(part, piece.sender, content, role.value, ahead)
-        if role is Role.ROBOT and not ahead:
-            key = self.trust.find(part.key)
-            self.conflicts.hear(message, now, address_of(datagram), lambda name: key is not None and key.is_of(name))
-        if self.robot and role is not Role.ROBOT and (ahead or abs(part.issued - now) <= self.skew):
+        message = read_message(part, piece.sender, content, key.role.value, ahead)
+        if key.role is Role.ROBOT and not ahead:
+            self.conflicts.hear(message, now, address_of(datagram), key.is_of)
+        if self.robot and key.role is not Role.ROBOT and (ahead or abs(part.issued - now) <= self.skew):
             self._compare_clocks(piece.sender, ahead, now)
         if part.kind is Kind.HEARTBEAT:
             self.offsets.note(piece.sender, part.issued, now)

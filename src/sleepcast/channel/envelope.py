@@ -11,9 +11,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from math import inf, isinf
 from struct import Struct
-from typing import NamedTuple
 
 import cbor2
+import msgspec
 
 from sleepcast.channel.keys import ID_BYTES, SIGNATURE_BYTES, KeyPair
 from sleepcast.channel.message import MAX_NAME, MAX_NUMBER, MAX_TEXT, Kind, Message, MessageError
@@ -30,6 +30,7 @@ _MICRO = 1e6
 MAX_DEPTH = 4
 """Nesting of lists and maps in a body."""
 _SCALARS = frozenset({type(None), bool, int, float, str, bytes})
+_TEXTS = frozenset({str})
 
 KINDS: Sequence[Kind] = (
     Kind.COMMAND,
@@ -53,9 +54,11 @@ HEAD = b"\xd2\x84\x43\xa1\x01\x27\xa1\x04\x48"
 PAYLOAD_AT = len(HEAD) + ID_BYTES + 3
 FIXED = Struct(">BBBBQBQBQBQBBBB")
 """An array of eleven: version, kind, epoch, sequence, issued, deadline, part and parts, each with its CBOR head."""
+_BEGINNING = Struct(f">{ID_BYTES}sBH{FIXED.format.removeprefix('>')}")
+"""The key's id, the length of the payload, and `FIXED`."""
 KIND_AT = PAYLOAD_AT + 2
 """Offset of the kind's number."""
-_ARRAY, _SMALL, LONG = 0x8B, 0x18, 0x1B
+_ARRAY, _SMALL, LONG, _BYTES = 0x8B, 0x18, 0x1B, 0x59
 _HEADS = (LONG, LONG, LONG, LONG, _SMALL, _SMALL)
 """The CBOR heads in `FIXED`, from the epoch's on."""
 SIGNATURE_HEAD = b"\x58\x40"
@@ -70,7 +73,7 @@ class EnvelopeError(MessageError):
     """Bytes that are not a part of a message."""
 
 
-class Fragment(NamedTuple):
+class Fragment(msgspec.Struct, frozen=True, gc=False):
     """The fields of a part that are readable before its signature is checked.
 
     standing: whether it belongs to a standing command
@@ -97,7 +100,7 @@ class Fragment(NamedTuple):
         return signed_bytes(self.payload)
 
 
-class Piece(NamedTuple):
+class Piece(msgspec.Struct, frozen=True, gc=False):
     """The rest of a part, read once its signature is verified. content: a piece of the message's content."""
 
     fleet: str
@@ -161,22 +164,20 @@ def look(datagram: bytes) -> Fragment:
     if not datagram.startswith(HEAD):
         raise EnvelopeError("these bytes do not begin like a signed message")
     end = len(datagram) - TAIL
-    length = datagram[PAYLOAD_AT - 3 : PAYLOAD_AT]
-    if length != b"\x59" + (end - PAYLOAD_AT).to_bytes(2, "big") or datagram[end : end + 2] != SIGNATURE_HEAD:
+    key, long, length, array, version, kind, *fields = _BEGINNING.unpack_from(datagram, len(HEAD))
+    if long != _BYTES or length != end - PAYLOAD_AT or datagram[end : end + 2] != SIGNATURE_HEAD:
         raise EnvelopeError("a message whose lengths are not those that it states")
-    fields = FIXED.unpack_from(datagram, PAYLOAD_AT)
-    array, version, kind = fields[:3]
-    if array != _ARRAY or fields[3::2] != _HEADS:
+    head_1, epoch, head_2, sequence, head_3, issued, head_4, deadline, head_5, number, head_6, parts = fields
+    if array != _ARRAY or (head_1, head_2, head_3, head_4, head_5, head_6) != _HEADS:
         raise EnvelopeError("a message whose fields are not where they belong")
     if version != _VERSION:
         raise EnvelopeError(
             f"a message of version {version}, and this sleepcast reads {_VERSION}: a newer one is needed"
         )
-    numbers = epoch, sequence, issued, deadline, number, parts = fields[4::2]
-    if kind > STANDING or max(numbers) > MAX_NUMBER or not number < parts <= MAX_PARTS:
+    if kind > STANDING or max(epoch, sequence, issued, deadline) > MAX_NUMBER or not number < parts <= MAX_PARTS:
         raise EnvelopeError("a message with numbers out of range")
     return Fragment(
-        datagram[len(HEAD) : len(HEAD) + ID_BYTES],
+        key,
         _KIND_BY_NUMBER[kind],
         kind == STANDING,
         epoch,
@@ -225,17 +226,22 @@ def read_message(part: Fragment, sender: str, content: bytes, role: str = "", ah
 
 def plain(body: object, depth: int = MAX_DEPTH) -> bool:
     """Whether this is plain data: maps with text keys, lists, texts, bytes, numbers, booleans, null."""
-    if type(body) in _SCALARS:
-        return True
     if isinstance(body, dict):
-        if not all(isinstance(key, str) for key in body):
+        if not _TEXTS.issuperset(map(type, body)):
             return False
         inner: Iterable[object] = body.values()
     elif isinstance(body, list):
         inner = body
     else:
-        return isinstance(body, str | bytes | int | float)
-    return depth > 0 and all(type(value) in _SCALARS or plain(value, depth - 1) for value in inner)
+        return type(body) in _SCALARS
+    if depth <= 0:
+        return False
+    for value in inner:
+        if type(value) in _SCALARS:
+            continue  # as most are; this is done for each message
+        if not plain(value, depth - 1):
+            return False
+    return True
 
 
 def _decoded(data: bytes) -> object:

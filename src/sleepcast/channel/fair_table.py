@@ -66,7 +66,7 @@ class FairTable(Generic[Key, Value, Owner]):
             self.pop(key)
             before = None
         self._entries[key] = owner, value
-        self.use(key)
+        self._use(owner, key)
         if before is not None:  # as many as there were
             return
         if len(self._of[owner]) > self._each:
@@ -76,7 +76,9 @@ class FairTable(Generic[Key, Value, Owner]):
 
     def use(self, key: Key) -> None:
         """An entry was used: it is now the last of its owner's to give way."""
-        owner = self._entries[key][0]
+        self._use(self._entries[key][0], key)
+
+    def _use(self, owner: Owner, key: Key) -> None:
         of = self._of.get(owner)
         if of is None:
             of = self._of[owner] = OrderedDict()

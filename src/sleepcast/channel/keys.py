@@ -15,9 +15,9 @@ from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from types import MappingProxyType
 
-from nacl.bindings import crypto_sign_BYTES
+from nacl.bindings import crypto_sign_BYTES, crypto_sign_open
 from nacl.exceptions import BadSignatureError
-from nacl.signing import SigningKey, VerifyKey
+from nacl.signing import SigningKey
 
 from sleepcast.channel.message import KEYS, MAX_NAME, Kind, Message, Role
 from sleepcast.core.errors import MisuseError, did_you_mean
@@ -89,8 +89,10 @@ class PublicKey:
 
     def signed(self, content: bytes, signature: bytes) -> bool:
         """Whether this is the key's signature (64 bytes) of the content."""
+        if len(signature) != SIGNATURE_BYTES:
+            return False
         try:
-            VerifyKey(self.public).verify(content, signature)
+            crypto_sign_open(signature + content, self.public)
         except BadSignatureError:
             return False
         return True

@@ -144,8 +144,10 @@ class NameConflicts:
             self._take_own(name, epoch, issued, now, address)
             return
         holders = self._known(name, now, key)
-        heard = next((each for each in holders if each.epoch == epoch), None)
-        if heard is None:
+        for heard in holders:
+            if heard.epoch == epoch:
+                break
+        else:
             self._add(name, holders, Holder(epoch, address, issued, now, now))
             return
         heard.heard, heard.address = now, address or heard.address
@@ -192,7 +194,7 @@ class NameConflicts:
         if holders is None:
             holders = []
             self._holders.put(key, name, holders)
-        elif now - min((each.heard for each in holders), default=inf) > LASTS:
+        elif holders and now - min([each.heard for each in holders]) > LASTS:
             self._retire(name, holders, now)
         return holders
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import inf, nan
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -55,7 +55,7 @@ def test_four_ways_for_every_robot(fleet: Fleet) -> None:
 def test_a_clock_that_was_set_back_gives_no_negative_age(fleet: Fleet) -> None:
     fleet.report()
     command = fleet.station.send(HALF)
-    said = replace(fleet.station.accounting(command.id), now=fleet.clock.now() - 3_461.0).sentence()
+    said = msgspec.structs.replace(fleet.station.accounting(command.id), now=fleet.clock.now() - 3_461.0).sentence()
     assert "s0 (last heard at an unknown time, since a clock was wrong)" in said
     assert "-" not in said
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.eval import NegativeNumbersAllowed
+from sleepcast.cli.options import NegativeNumbersAllowed
 from sleepcast.cli.streams import InputError, pieces, put, read_file, read_standard_input
 from sleepcast.core.errors import MisuseError, and_more, counted, in_file
 

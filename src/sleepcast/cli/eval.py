@@ -2,29 +2,17 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 from typing import Literal
 
 import click
 
 from sleepcast.cli.memories import UNREADABLE, EvalOutcome, TypedMemory
-from sleepcast.cli.options import SEED
+from sleepcast.cli.options import SEED, NegativeNumbersAllowed
 from sleepcast.cli.streams import complain, put, read_standard_input
 from sleepcast.core.errors import MisuseError
 
-_NEGATIVE_NUMBER = re.compile(r"-\.?[0-9]")
-
-
 Dialect = Literal["standard", "classic", "faithful", "appendix-a"]
-
-
-class NegativeNumbersAllowed(click.Command):
-    """A command whose arguments may begin with a minus sign and a digit without being taken for options."""
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """As click does it; a blank before such an argument keeps it from looking like an option."""
-        return super().parse_args(ctx, [f" {arg}" if _NEGATIVE_NUMBER.match(arg) else arg for arg in args])
 
 
 @click.command("eval", cls=NegativeNumbersAllowed)

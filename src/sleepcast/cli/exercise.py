@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.eval import NegativeNumbersAllowed
+from sleepcast.cli.options import NegativeNumbersAllowed
 from sleepcast.cli.streams import complain, put, read_file
 
 if TYPE_CHECKING:

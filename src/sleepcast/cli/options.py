@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -21,6 +22,15 @@ from sleepcast.core.units import LENGTH, TIME, Dimension
 METAVARS = {TIME: "TIME", LENGTH: "LENGTH"}
 """What help pages show for a value of a dimension."""
 SEED = click.IntRange(0, MAX_SEED)
+_NEGATIVE_NUMBER = re.compile(r"-\.?[0-9]")
+
+
+class NegativeNumbersAllowed(click.Command):
+    """A command whose arguments may begin with a minus sign and a digit without being taken for options."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """As click does it; a blank before such an argument keeps it from looking like an option."""
+        return super().parse_args(ctx, [f" {arg}" if _NEGATIVE_NUMBER.match(arg) else arg for arg in args])
 
 
 class NumberRange(click.FloatRange):

@@ -11,8 +11,7 @@ import click
 from sleepcast.api.connection import AirOptions, observing_station
 from sleepcast.cli.account import forecast_text, show_account, stages_as_dict
 from sleepcast.cli.air import operator
-from sleepcast.cli.eval import NegativeNumbersAllowed
-from sleepcast.cli.options import QuantityType
+from sleepcast.cli.options import NegativeNumbersAllowed, QuantityType
 from sleepcast.cli.streams import complain, put, somebody_there
 from sleepcast.core.errors import and_more
 from sleepcast.core.units import TIME

@@ -11,8 +11,7 @@ import click
 from sleepcast.api.connection import AirOptions, observing_station
 from sleepcast.cli.account import state_as_dict
 from sleepcast.cli.air import operator
-from sleepcast.cli.eval import NegativeNumbersAllowed
-from sleepcast.cli.options import every_option
+from sleepcast.cli.options import NegativeNumbersAllowed, every_option
 from sleepcast.cli.streams import announce, complain, put
 from sleepcast.core.ages import ago
 from sleepcast.core.errors import MisuseError, did_you_mean, printable

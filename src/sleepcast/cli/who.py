@@ -12,7 +12,7 @@ import click
 from sleepcast.api.connection import AirOptions, observing_station
 from sleepcast.cli.account import FEW, MANY, listed
 from sleepcast.cli.air import operator
-from sleepcast.cli.eval import NegativeNumbersAllowed
+from sleepcast.cli.options import NegativeNumbersAllowed
 from sleepcast.cli.streams import complain, put
 from sleepcast.core.errors import and_more, printable
 

@@ -7,10 +7,10 @@ is silent, with the time at which it was last heard.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import cached_property
 from math import inf
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -50,8 +50,7 @@ BINS = 10
 """Bars of a histogram of what was answered."""
 
 
-@dataclass(frozen=True, slots=True)
-class ValueSummary:
+class ValueSummary(msgspec.Struct, frozen=True):
     """So many values, the least, their mean, and the greatest of them. Of angles see `core.angles`; NaN where they have
     no mean direction."""
 
@@ -61,8 +60,7 @@ class ValueSummary:
     greatest: float
 
 
-@dataclass(frozen=True, slots=True)
-class Histogram:
+class Histogram(msgspec.Struct, frozen=True):
     """How many values lie in each of `BINS` bars of equal width from `low` to `high`, the last one with its end."""
 
     low: float
@@ -70,8 +68,7 @@ class Histogram:
     counts: tuple[int, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class Account:
+class Account(msgspec.Struct, frozen=True, eq=False, dict=True):
     """What became of one command, names in the order of the roster. For a STOP, matched means that the robot says it is
     stopped, and `rest` tells who of them is at rest; for a RELEASE, that it is not stopped any more; for a question,
     that it has answered. held: those among the matched that were to move, and did not, because STOP holds them.
@@ -95,7 +92,7 @@ class Account:
     only: Index | None = None
     size: int = 0
     rest: RestAccount | None = None
-    conflicts: Mapping[str, str] = field(default_factory=dict)
+    conflicts: Mapping[str, str] = {}
     unit: str = ""
     angles: bool = False
 

@@ -7,7 +7,6 @@ Whoever asks a person for a command shows a `Prepared`, and gives the answers to
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf
 from typing import NamedTuple
@@ -68,8 +67,7 @@ class Terms(msgspec.Struct, frozen=True):
 ONCE = Terms()
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Draft:
+class Draft(msgspec.Struct, frozen=True, eq=False):
     """A command that was read and checked, and could be sent to somebody.
 
     program: of the text
@@ -94,7 +92,9 @@ class Draft:
     def to(self, audience: Audience) -> Draft:
         """The same to some of the robots that its sender was asked about: what names and tests come to on these alone
         is no doubt."""
-        return replace(self, terms=msgspec.structs.replace(self.terms, audience=audience, undecided=True, strange=True))
+        return msgspec.structs.replace(
+            self, terms=msgspec.structs.replace(self.terms, audience=audience, undecided=True, strange=True)
+        )
 
 
 class Forecast(NamedTuple):
@@ -116,8 +116,7 @@ class Forecast(NamedTuple):
         return len(self.yes) + len(self.unknown) + self.nameless
 
 
-@dataclass(frozen=True, eq=False)
-class Prepared:
+class Prepared(msgspec.Struct, frozen=True, eq=False, dict=True):
     """A command with who would obey it, before its sender has answered what is asked of him.
 
     preview: of all robots
@@ -165,7 +164,8 @@ class Prepared:
     def despite_names(self) -> Prepared:
         """The same, whose sender insists on names that no robot has."""
         terms = msgspec.structs.replace(self.draft.terms, strange=True, undecided=True)
-        return replace(self, draft=replace(self.draft, terms=terms), unknown=())
+        draft = msgspec.structs.replace(self.draft, terms=terms)
+        return msgspec.structs.replace(self, draft=draft, unknown=())
 
     def refuse_doubtful(self) -> None:
         """Raises DoubtError for what is hardly meant: first what the names and the text say, then that a test without a

@@ -16,11 +16,13 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import groupby, islice
 from math import inf, nan
 from typing import NamedTuple, Protocol
+
+import msgspec
 
 from sleepcast.channel.message import LOOK, OF, TELEMETRY, Inspection, Kind, Message
 from sleepcast.channel.message_batch import natural_order
@@ -83,8 +85,7 @@ class TelemetryRequest(NamedTuple):
     robots: list[str]
 
 
-@dataclass(slots=True)
-class _Asked:
+class _Asked(msgspec.Struct):
     """A digest that was asked for.
 
     pauses: between two requests
@@ -97,8 +98,7 @@ class _Asked:
     times: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class RemoteRule:
+class RemoteRule(msgspec.Struct, frozen=True):
     """An expression that a robot keeps. What it last came to stays with the robot."""
 
     name: str

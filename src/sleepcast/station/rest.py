@@ -9,10 +9,10 @@ nobody knows more.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from math import inf, isnan, nan
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -96,8 +96,7 @@ class RestStates:
             raise SerialError("a robot with a speed or a distance below 0")
 
 
-@dataclass(frozen=True, eq=False)
-class RestAccount:
+class RestAccount(msgspec.Struct, frozen=True, eq=False, dict=True):
     """Robots that have accepted a STOP, by their places: those at rest; those that still move, with their speeds (m/s)
     and how far they may still go (m; NaN for unknown); and those that do not tell."""
 

@@ -9,9 +9,11 @@ foreseen.
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TypeVar
+
+import msgspec
 
 from sleepcast.core.model import Constant, HostFunction, Quantity
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, SUPPORT, Variable, Vocabulary
@@ -22,8 +24,7 @@ NUMBERED = (*range(ACTIVE0 + 1), *range(ACTIVE0 + BUFFERS, len(SUPPORT)))
 """Slots of the support variables that a robot tells as numbers."""
 
 
-@dataclass(frozen=True, eq=False)
-class SlotMap:
+class SlotMap(msgspec.Struct, frozen=True, eq=False, dict=True):
     """Where what robots of one type tell belongs.
 
     slots: of the numbers, in their order

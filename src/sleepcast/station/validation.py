@@ -15,10 +15,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple, Protocol, runtime_checkable
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -166,8 +166,7 @@ class UnknownNameError(DoubtError):
         self.args = (f"{why}, so nothing was sent. Send it as it is with --anyway",)
 
 
-@dataclass(frozen=True, slots=True)
-class SendPolicy:
+class SendPolicy(msgspec.Struct, frozen=True):
     """When a desk asks how many are meant.
 
     above: more than so many that may obey, None for never
@@ -284,8 +283,7 @@ COMMANDED = "it was commanded since its last news"
 NO, YES, UNKNOWN, UNDECIDED = range(4)
 
 
-@dataclass(frozen=True, eq=False)
-class Preview:
+class Preview(msgspec.Struct, frozen=True, eq=False, dict=True):
     """Who would obey: certainly (`yes`), certainly not (`no`), and of whom the desk cannot say (`unknown`), those among
     them whose test is itself unknown.
 
@@ -309,7 +307,7 @@ class Preview:
         """The same, but for the robots at these places, of which the desk cannot say for another reason."""
         codes, reason = self.codes.copy(), self.reason.copy()
         codes[robots], reason[robots] = UNKNOWN, len(self.listed) + 1
-        return replace(self, codes=codes, reason=reason, listed=(*self.listed, why))
+        return msgspec.structs.replace(self, codes=codes, reason=reason, listed=(*self.listed, why))
 
     def count(self, code: int) -> int:
         """How many robots there are of this code."""

@@ -227,7 +227,7 @@ def ours(tmp_path_factory: pytest.TempPathFactory) -> Path:
     clone = tmp_path_factory.mktemp("ours")
     for name in ("go.py", "pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, clone / name)
-    shutil.copytree(SOURCE, clone / "src")  # with what Python has compiled already
+    shutil.copytree(SOURCE, clone / "src", ignore=shutil.ignore_patterns("__pycache__"))
     (clone / "requirements").mkdir()
     (clone / "requirements" / "run.txt").write_text("")
     (clone / "requirements" / "dev.txt").write_text("")

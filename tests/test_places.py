@@ -100,6 +100,29 @@ FEATURES = {
     "the mark of a quasi-quote": Feature("what the reader takes", r"(?i)quasiquote", SENTENCES),
     "the unit km": Feature("a unit", r"""["' ]km["' ]"""),
     "the dialect appendix-a": Feature("the dialects of 1998", r"appendix.a\b"),
+    "how many rules a robot may have": Feature(
+        "a bound of a robot's mind",
+        r"\b_?MAX_RULES\b",
+        {"station/failures.py": "how many rules that fail a desk remembers"},
+    ),
+    "the role of an observer": Feature("keys and roles", r"""\bOBSERVER\b|["']observer["']"""),
+    "ids of messages that were heard": Feature(
+        "which messages count as heard before",
+        r"\bMAX_SEEN\b",
+        {"station/cache.py": "how much a desk keeps of what it has heard of robots"},
+    ),
+    "what STOP holds": Feature(
+        "an outcome that robots answer",
+        r"""(?<!['"(])\bHELD(?:_BY_STOP)?\b|\b(?:account|row)\.held\b|\bn_held\b"""
+        r"""|["']held["'], ["']not|["']held["']: (?:True|["'])""",
+        {
+            "cli/tui/session.py": "how long a key is held",
+            "console/static/timeline.js": "how long a hand holds the timeline",
+            "console/static/why.js": "explanations have a row of their own",
+            "nomad/panes/backend.py": "what the page of Nomads says of STOP",
+            "simulator/simd/": "where the value lies that an object holds",
+        },
+    ),
     ":priority": Feature("which rule has the last word", r"PRIORITY|:priority"),
     "the dead man's switch": Feature(
         "what a driven robot does",
@@ -160,7 +183,7 @@ FEATURES = {
     ),
     "worlds without edges": Feature(
         "the table [world]",
-        r"""["']torus["']|scenario\.torus""",
+        r"""["']torus["']|(?:scenario|world)\.(?:torus|around)\b""",
     ),
     "hills of fields": Feature("what a field of a scenario consists of", r"\bhills?\b"),
     "the sensor front_range": Feature(
@@ -177,6 +200,7 @@ FEATURES = {
     ),
     "the neighbours' MEAN_X": Feature("a function of a robot's neighbours", r"\bMEAN_X\b"),
     "the slip of wheels": Feature("how robots drive", r"\bslip_noise\b", {"nomad/world/robots/": "a setup that slips"}),
+    "sliding along what is touched": Feature("how robots drive", r"\bslides\b"),
     "counting encoders": Feature("what encoders count", r"""wheels\.counts|\b_counts\(table|import encoders"""),
     "the topic of failing rules": Feature("what recordings hold", r"""\bFAILING\b|["']/failing["']"""),
     "what a test says was never sent": Feature("what a saved test holds", r"\bnever_sent\b"),

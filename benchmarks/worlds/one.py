@@ -1,6 +1,5 @@
 """One thing that is timed in a process of its own; prints one JSON object, "missing" for what this version has not.
 
-    python -m benchmarks.worlds.one loop 20 60 3         # robots, simulated seconds, times
     python -m benchmarks.worlds.one vector 100 10 100    # worlds, robots in each, steps
     python -m benchmarks.worlds.one memory 1000 20 60    # worlds, robots in each, simulated seconds
     python -m benchmarks.worlds.one batch flood 1000 60  # scenario, worlds, simulated seconds
@@ -25,7 +24,7 @@ import numpy as np
 import sleepcast as sc
 from benchmarks.gym import AWAY, FIELD, rate, side
 from benchmarks.loop.one import Memory
-from benchmarks.report import Json, middle
+from benchmarks.report import Json
 from benchmarks.worlds.sides import CPU
 
 HISTORY = ("x", "y", "battery")
@@ -37,18 +36,6 @@ class NotThereError(Exception):
 
 
 clock = time.process_time if CPU in sys.argv else time.perf_counter
-
-
-def loop(robots: int, seconds: float, times: int) -> Json:
-    """Times real time: the ticks of `crowd` from its start, on one thread; the median of so many runs after one that
-    compiles."""
-    speeds = []
-    for seed in range(times + 1):
-        fleet = sc.open("crowd", robots=robots, seed=seed, mission=True, threads=1)
-        began = clock()
-        fleet.run(seconds, quiet=True)
-        speeds.append(seconds / (clock() - began))
-    return {"speed": middle(speeds[1:])}
 
 
 def vector(worlds: int, robots: int, steps: int) -> Json:
@@ -119,7 +106,7 @@ def _cpu(work: Callable[[], None]) -> float:
     return time.process_time() - began
 
 
-MEASURED: dict[str, Callable[..., Json]] = {each.__name__: each for each in (loop, vector, memory, batch, alone)}
+MEASURED: dict[str, Callable[..., Json]] = {each.__name__: each for each in (vector, memory, batch, alone)}
 
 
 def main() -> None:

@@ -100,6 +100,16 @@ class Version:
         """Seconds that a whole `sleepcast` command takes."""
         return self.clock.of([sys.executable, "-m", "sleepcast", *arguments], self.environment)
 
+    def loop(self, *arguments: str) -> float:
+        """Times real time of the ticks of a whole `sleepcast run`, as it says itself. Raises MissingError if not the
+        clock counts."""
+        if self.clock.cpu:
+            raise MissingError("a run tells its speed by the clock only: leave out --cpu")
+        command = [sys.executable, "-m", "sleepcast", "run", *arguments, "--json", "--quiet"]
+        everything = {**os.environ, **self.environment}
+        done = subprocess.run(command, env=everything, cwd=ROOT, stdout=subprocess.PIPE, check=True)
+        return float(json.loads(done.stdout)["realtime_factor"])
+
     def one(self, *arguments: object) -> Json:
         """What `benchmarks.worlds.one` says of this version. Raises MissingError for what it does not have."""
         texts = [each if isinstance(each, str) else json.dumps(each) for each in arguments]

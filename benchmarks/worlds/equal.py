@@ -32,18 +32,19 @@ MEASURES = ("mean x", "mean y", "mean heading")
 
 @dataclass(frozen=True)
 class Compared:
-    """A scenario. states, rows: what differs, nothing for equal, None for what is not there, which `note` explains."""
+    """A scenario. states, rows: what differs, nothing for equal; None where nothing was compared: `note` says why."""
 
     name: str
     seconds: float
     looks: int
     states: Sequence[str] | None
-    rows: Sequence[str] | None
+    rows: Sequence[str]
     note: str = ""
 
     @property
-    def differs(self) -> bool:
-        return bool(self.states or self.rows)
+    def equal(self) -> bool:
+        """Whether states were compared, and nothing differs."""
+        return self.states is not None and not (self.states or self.rows)
 
     @property
     def cells(self) -> tuple[str, ...]:

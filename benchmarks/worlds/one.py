@@ -27,8 +27,8 @@ from benchmarks.loop.one import Memory
 from benchmarks.report import Json
 from benchmarks.worlds.sides import CPU
 
-HISTORY = ("x", "y", "battery")
-"""What the histories of the row about memory keep of each robot, once a simulated second."""
+HISTORY, EVERY = ("x", "y"), 5.0
+"""What the histories of the row about memory keep of each robot, and how often, simulated s."""
 
 
 class NotThereError(Exception):
@@ -68,7 +68,7 @@ def memory(worlds: int, robots: int, seconds: float) -> Json:
 
     def run(worlds: int) -> object:
         fleets = many("crowd", worlds, over={"robots.count": robots})
-        history = fleets.history(*HISTORY, every=1.0)
+        history = fleets.history(*HISTORY, every=EVERY)
         fleets.run(seconds, quiet=True)
         return fleets, history
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import nan
 from random import Random
 from unittest.mock import patch
 
@@ -15,7 +16,7 @@ from fleet.twins import Twins, vocabulary
 from language.authors import Author
 from language.cases import SENSORS
 from sleepcast.columns.telemetry import NOT_YET
-from sleepcast.columns.values import Column, Rows
+from sleepcast.columns.values import Column, Rows, ValueColumns
 from sleepcast.core.serial import pack, unpack
 from sleepcast.fleet import Fleet, inspection
 from sleepcast.fleet.schema import FleetSnapshot
@@ -194,3 +195,26 @@ def test_nothing_else_is_read(start: int) -> None:
             with patch.object(FleetState, "read", watching):
                 twins.think()
             assert asked.intersection(sensors) <= named
+
+
+@given(st.integers(0, 2**32))
+def test_all_is_copied_in_one_go_as_it_is_one_by_one(start: int) -> None:
+    chance, size = Random(start), 5
+    there, together, apart = (ValueColumns(size, [nan] * 4) for _ in range(3))
+    everybody = Rows.run(0, size)
+    there.share(3, np.arange(10.0)[::2])
+    for _ in range(6):
+        for _ in range(chance.randrange(4)):
+            slot = chance.choice((0, 1, 2, 4, 6))
+            some = Rows.of(np.array(sorted(chance.sample(range(size), chance.randint(1, size)))))
+            there.assign(slot, some, chance.choice((chance.random(), np.array([chance.random() for _ in some.robots]))))
+        if chance.random() < 0.3:
+            few = Rows.of(np.array([chance.randrange(size)]))
+            for each in (together, apart):
+                each.copy_from(there, few, there.slots())
+        else:
+            together.copy_all(there)
+            apart.copy_from(there, everybody, there.slots())
+        for slot in there.slots():
+            found, wanted = (np.broadcast_to(each.read(slot, everybody), size) for each in (together, apart))
+            np.testing.assert_array_equal(found, wanted)

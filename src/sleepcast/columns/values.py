@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from math import nan
+from operator import is_
 from typing import Generic, TypeAlias, TypeVar
 
 import msgspec
@@ -216,6 +217,9 @@ class ValueColumns(Columns):
         self._columns: list[Column | None] = [None] * len(self._same)
         self._shared: set[int] = set()
         """Slots of variables whose columns are stored elsewhere."""
+        self._block: Column = np.empty((0, count))
+        self._copies: list[Column] = []
+        """The columns that were copied last in one go, which are rows of a block."""
 
     def members(self, key: str) -> Mask | None:
         return self.groups.get(key)
@@ -257,6 +261,19 @@ class ValueColumns(Columns):
                 if same == values or (same != same and values != values):
                     continue  # all robots have this value already
             self.assign(slot, rows, values)
+
+    def copy_all(self, other: ValueColumns) -> None:
+        """Copy every variable of all robots, in one go."""
+        columns = {slot: column for slot, column in enumerate(other._columns) if column is not None}
+        here = [self._columns[slot] for slot in columns if slot < len(self._columns)]
+        if not (len(here) == len(columns) == len(self._copies) and all(map(is_, here, self._copies))):
+            self._block = np.empty((len(columns), self.count))
+            self._copies = list(self._block)
+        self._same, self._columns = [*other._same], [None] * len(other._same)
+        for slot, column in zip(columns, self._copies, strict=True):
+            self._columns[slot] = column
+        if columns:
+            np.concatenate([*columns.values()], out=self._block.reshape(-1))
 
     def copy_groups(self, other: ValueColumns, rows: Rows) -> None:
         """Copy the group memberships of these robots."""

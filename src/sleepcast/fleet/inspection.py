@@ -189,7 +189,10 @@ class FleetTelemetry(BulkTelemetry):
     def take(self, robots: Index) -> None:
         """Record telemetry of these robots now."""
         rows = self._last = Rows.of(robots)
-        self._then.copy_from(self._state, rows, list(self._asked) if self._large else self._state.slots())
+        if self._large or rows.size < self._state.count:
+            self._then.copy_from(self._state, rows, list(self._asked) if self._large else self._state.slots())
+        else:
+            self._then.copy_all(self._state)
         self._then.copy_groups(self._state, rows)
         self._stopped[rows.index] = self._state.stopped[rows.index]
         for those in self._asked.values():

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import partial
 from math import pi, sqrt
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,25 @@ from sleepcast.simulator.world.grid import (
 )
 from sleepcast.simulator.world.torus import PLAIN, Around, Images, cells_over
 from sleepcast.simulator.world.world import World
+
+Made = TypeVar("Made")
+
+SMALL, MAX_KEPT = 2_000, 32
+"""Solids of a small world, whose cell lists are kept for others with the same solids; and lists that are kept."""
+_kept: dict[tuple[str, Grid, float, bytes], Any] = {}
+
+
+def _known(what: str, grid: Grid, reach: float, lines: Floats, make: Callable[[], Made]) -> Made:
+    """What is made of a world's solids, `lines`; of a small one once for all worlds with the same."""
+    if len(lines) > SMALL:
+        return make()
+    key = what, grid, reach, lines.tobytes()
+    made: Made | None = _kept.get(key)
+    if made is None:
+        if len(_kept) >= MAX_KEPT:
+            _kept.clear()
+        made = _kept[key] = make()
+    return made
 
 
 class Neighbours:
@@ -111,15 +131,17 @@ class Neighbours:
         """The world's solids that come within `reach` m of each cell."""
         self._keep_up()
         if reach not in self._listed:
-            self._listed[reach] = list_solids(self.grid, self.lines, reach)
+            grid, lines = self.grid, self.lines
+            self._listed[reach] = _known("cells", grid, reach, lines, lambda: list_solids(grid, lines, reach))
         return self._listed[reach]
 
     def in_sight(self, reach: float) -> Seen:
         """The solids within `reach` m of each cell, in the form that the backend's sonars use."""
         self._keep_up()
         if reach not in self._in_sight:
-            listed = list_solids(self.grid, self.lines, reach)
-            self._in_sight[reach] = self._machine.in_sight(listed, self.lines)
+            grid, lines, machine = self.grid, self.lines, self._machine
+            make = lambda: machine.in_sight(list_solids(grid, lines, reach), lines)  # noqa: E731
+            self._in_sight[reach] = _known(machine.name, grid, reach, lines, make)
         return self._in_sight[reach]
 
     def _keep_up(self) -> None:

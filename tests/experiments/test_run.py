@@ -13,7 +13,7 @@ import subprocess
 import sys
 import time
 from contextlib import suppress
-from math import isnan
+from math import inf, isnan
 from multiprocessing import active_children
 from pathlib import Path
 from runpy import run_path
@@ -28,7 +28,7 @@ from sleepcast.cli import main
 from sleepcast.core.extras import installing
 from sleepcast.experiments import run
 from sleepcast.experiments.drawing import band
-from sleepcast.experiments.plan import Experiment, Precision, experiment_of
+from sleepcast.experiments.plan import Experiment, PlannedRun, Precision, experiment_of
 from sleepcast.experiments.results import (
     FORMAT,
     Results,
@@ -39,7 +39,17 @@ from sleepcast.experiments.results import (
     summary_of,
     table_of,
 )
-from sleepcast.experiments.run import ENDED, ClusterError, checked_cluster, do, outcome_in, run_all, verify
+from sleepcast.experiments.run import (
+    ENDED,
+    ClusterError,
+    Runner,
+    checked_cluster,
+    do,
+    opened,
+    outcome_in,
+    run_all,
+    verify,
+)
 from small_worlds import write
 
 FEW = ("robots.count=10",)
@@ -253,16 +263,32 @@ class TestManyRuns:
         measures.write_text(
             "import os, signal\n\n\n"
             "def deadly(fleet):\n"
-            "    if fleet.swarm.simulator.seed == 2:\n"
+            "    if fleet.swarm.simulator.seed == 3:\n"
             "        os.kill(os.getpid(), signal.SIGKILL)\n"
             "    return 1.0\n"
         )
-        wanted = experiment(over=FEW, seeds=4, measures=["own_measures.deadly"])
+        wanted = experiment(over=FEW, seeds=5, measures=["own_measures.deadly"])
         sweep(wanted, tmp_path / "results")
-        assert [each.error for each in outcomes_in(tmp_path / "results")] == ["", ENDED, "", ""]
+        assert [each.error for each in outcomes_in(tmp_path / "results")] == ["", "", ENDED, "", ""]
         with Results(tmp_path / "results", wanted) as results:
             assert results.missing() == []
-            assert [run.seed for run in results.missing(retry=True)] == [2]
+            assert [run.seed for run in results.missing(retry=True)] == [3]
+
+    @pytest.mark.parametrize("short", [True, False])
+    def test_of_short_runs_the_next_one_lies_ready(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, short: bool
+    ) -> None:
+        monkeypatch.setattr(run, "SHORT", inf if short else 0.0)
+        begun, begin = [], run._Worker.begin
+
+        def noted(worker: run._Worker, planned: PlannedRun) -> None:
+            begun.append((planned.seed, [each.seed for each in worker.runs]))
+            begin(worker, planned)
+
+        monkeypatch.setattr(run._Worker, "begin", noted)
+        sweep(experiment(over=FEW, seeds=4), tmp_path / "results")
+        assert begun == [(1, []), (2, []), (3, [2] if short else []), (4, [3] if short else [])]
+        assert [each.error for each in outcomes_in(tmp_path / "results")] == [""] * 4
 
     def test_after_kill_9_nothing_is_lost_or_done_twice(self, tmp_path: Path, measures: Path) -> None:
         measures.write_text(
@@ -782,3 +808,45 @@ class TestCluster:
         assert done.returncode == 2, done.stderr
         assert "no dask scheduler answers at tcp://127.0.0.1:9" in done.stderr
         assert "Traceback" not in done.stderr
+
+
+class TestRunsOfAPoint:
+    """Runs that one process does one after the other have much in common, and are the same as each alone."""
+
+    @pytest.mark.parametrize("name", ["crowd", "vicsek", "maze", "two-desks", "energy"])
+    def test_a_run_after_others_is_the_same_to_the_last_bit(self, name: str) -> None:
+        over = ["robots.count=20"]
+        wanted = experiment_of(name, over=over, measures=["mean x"], seeds=3, seconds=2.0, every=1.0)
+        runner, runs = Runner(wanted), list(wanted.runs())
+        for each in runs:
+            found, alone = runner.do(each), do(wanted, each)
+            assert found.error == ""
+            assert found.same_as(alone)
+            assert (found.unsent, found.missed) == (alone.unsent, alone.missed)
+        with runner.opened(runs[1]) as fleet, opened(wanted, runs[1]) as alone_fleet:
+            for each_fleet in (fleet, alone_fleet):
+                each_fleet.run(2.0)
+            assert fleet.snapshot() == alone_fleet.snapshot()
+
+    def test_rules_that_were_compiled_in_one_run_are_native_from_the_first_tick_of_the_next(self) -> None:
+        wanted = experiment(over=FEW, seeds=2)
+        first, second = wanted.runs()
+        runner = Runner(wanted)
+        for each, native in ((first, False), (second, True)):
+            with runner.opened(each) as fleet:
+                fleet.swarm.step()
+                minds = fleet.swarm.fleet
+                kernels = minds.kernels
+                if kernels is None:
+                    pytest.skip("without llvmlite nothing is native")
+                assert (kernels.plan(minds.memory.mind_of(0), minds.state) is not None) == native
+                fleet.swarm.run(1.0)
+                kernels.settle()
+
+    def test_points_differ_and_a_failed_run_leaves_nothing_behind(self) -> None:
+        wanted = experiment(over=["robots.count=10,11", "radio.loss=0,0.9"], seeds=2)
+        runner = Runner(wanted)
+        runs = list(wanted.runs())
+        broken = PlannedRun(99, {"robots.count": 10, "radio.loss": 7}, 1)
+        for each in (*runs, broken, *reversed(runs)):
+            assert runner.do(each).same_as(do(wanted, each))

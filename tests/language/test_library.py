@@ -7,8 +7,11 @@ import pytest
 from language.cases import Setting
 from sleepcast.channel import Kind, Message
 from sleepcast.language.explain import foretell, rehearse
+from sleepcast.language.parts import walk
 from sleepcast.language.program import MAX_ASKED, MAX_PROGRAMS, Library, Program
 from sleepcast.language.reader import read
+from sleepcast.language.symbols import FreshNames
+from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.node.node import Node
 
 
@@ -65,3 +68,53 @@ def test_what_would_come_of_a_question_is_the_same_without_an_explanation(text: 
     whole, short = rehearse(program, explained), foretell(program, plain)
     assert (str(whole.value), whole.matched, whole.faults) == (str(short.value), short.matched, short.faults)
     assert (explained.undecided, explained.steps) == (plain.undecided, plain.steps)
+
+
+BOTH = "(PROGN (DEFVAR a 1) (DEFVAR b (+ a 1)) (RULE r (SETQ b a)))"
+
+
+class TestRobotsOfOneType:
+    """Vocabularies that were made anew from one."""
+
+    def made(self, vocabulary: Vocabulary) -> Program:
+        return Library(vocabulary).program(BOTH, lambda: [read(BOTH)], FreshNames(vocabulary))
+
+    def test_what_was_compiled_for_some_is_not_compiled_again_for_others(self) -> None:
+        first = Setting().vocabulary()
+        one, other = first.anew(), first.anew()
+        program = self.made(one)
+        assert self.made(other) is program
+        assert other.user_slots == one.user_slots == {"a": first.size, "b": first.size + 1}
+        assert not first.user_slots
+        assert self.made(other.anew()) is program
+
+    def test_who_has_heard_of_other_variables_before_has_them_in_other_places(self) -> None:
+        first = Setting().vocabulary()
+        one, other = first.anew(), first.anew()
+        other.user_slot("b")
+        program, again = self.made(one), self.made(other)
+        assert again is not program
+        assert other.user_slots == {"b": first.size, "a": first.size + 1}
+        slots = {part.name: part.slot for part in walk(again.root) if part.op == "defvar"}
+        assert slots == other.user_slots
+
+    def test_one_that_was_not_made_anew_shares_nothing(self) -> None:
+        first = Setting().vocabulary()
+        assert self.made(first) is not self.made(first.anew())
+
+    def test_a_program_knows_what_its_names_mean_when_its_first_robots_are_gone(self) -> None:
+        first = Setting().vocabulary()
+        program = self.made(first.anew())
+        assert program.vocabulary is first
+
+    def test_no_more_are_kept_than_have_room(self) -> None:
+        first = Setting().vocabulary()
+        library, names = Library(first.anew()), FreshNames(first.anew())
+        kept = compiled_for(names, library, "(+ 1 2)")
+        for number in range(MAX_PROGRAMS):
+            compiled_for(names, library, f"(+ {number} 3)")
+        assert compiled_for(names, Library(names.vocabulary), "(+ 1 2)") is not kept
+
+
+def compiled_for(names: FreshNames, library: Library, text: str) -> Program:
+    return library.program(text, lambda: [read(text)], names)

@@ -8,9 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from language.cases import Setting
+from sleepcast.fleet import Fleet as ManyMinds
 from sleepcast.language import CheckError, ReadError
+from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.station import DoubtError, SendPolicy
-from sleepcast.station.validation import NEVER_HEARD, STALE, TEST_UNKNOWN, UNDECIDED, UNKNOWN
+from sleepcast.station.validation import NEVER_HEARD, STALE, TEST_UNKNOWN, UNDECIDED, UNKNOWN, FleetNames
 from station.fleet import Fleet
 
 BRAVO = "(WHEN (AND (> fuel 50%) (> ordnance 70%)) (JOIN bravo))"
@@ -244,3 +247,32 @@ def test_a_thousand_robots_between_two_keystrokes() -> None:
     assert len(found.yes) == 499
     # Of the processor, and the best of several: other work on the machine can only make it slower.
     assert min(times) < QUICK
+
+
+class TestNamesOfRobotsOfOneType:
+    """What one desk has checked, another one of robots of the same type need not check again."""
+
+    def names(self, vocabulary: Vocabulary, *learned: str) -> FleetNames:
+        fleet = ManyMinds(["r1", "r2"], vocabulary)
+        for text in learned:
+            fleet.evaluate(text, [0])
+        return FleetNames(vocabulary, fleet)
+
+    def test_a_text_is_checked_once_for_those_who_have_learned_the_same(self) -> None:
+        first = Setting().vocabulary()
+        checked = self.names(first.anew()).check("(DEFVAR a 1)")
+        assert self.names(first.anew()).check("(DEFVAR a 1)") is checked
+        assert self.names(first).check("(DEFVAR a 1)") is not checked
+
+    def test_others_have_learned_what_makes_it_right_or_wrong(self) -> None:
+        first = Setting().vocabulary()
+        known = ["(DEFUN twice (n) (* 2 n))"]
+        for learned, right in (([], False), (known, True), ([], False), (["(JOIN twice)"], False), (known, True)):
+            checked = self.names(first.anew(), *learned).check("(> (twice id) 1)")
+            assert (checked.program is not None and not checked.unknown) == right
+
+    def test_a_suggestion_names_what_these_have_learned(self) -> None:
+        first = Setting().vocabulary()
+        for name in ("charger", "chargee", "charger"):
+            found = self.names(first.anew(), f"(JOIN {name})").check("(IN charge_)").findings
+            assert name in " ".join(each.message for each in found)

@@ -11,12 +11,34 @@ from sleepcast.api.progress import counting
 from sleepcast.language import Vocabulary
 from sleepcast.loop import Swarm, step_swarm, vocabulary_of
 from sleepcast.loop import resume as resume_swarm
+from sleepcast.robot import RobotModel
 from sleepcast.simulator import KERNELS, Payload, Scenario, Simulator, choose, compile_kernels, kernel_count
 from sleepcast.station import Journal, SendPolicy, Station
 from sleepcast.station.station import DESK
 
 FEW, WARM_TICKS = 12, 3
 """Robots and ticks of a warm-up: some of each group, and all that happens only when something has moved."""
+
+
+class Common:
+    """What swarms have in common whose scenarios are the same but for their seeds and walls: what was checked and
+    compiled for the robots of the one is not compiled again for the next. There is no other difference."""
+
+    def __init__(self) -> None:
+        self._first: Vocabulary | None = None
+
+    def vocabulary_of(self, model: RobotModel) -> Vocabulary:
+        """The vocabulary of the next swarm, whose robots are of this model."""
+        if self._first is None:
+            bodiless = tuple(
+                replace(each, call=_of_nobody, many=None, native=None, writes=()) for each in model.functions
+            )
+            self._first = vocabulary_of(replace(model, functions=bodiless))  # nothing of the first swarm is held on to
+        return self._first.anew(model.functions)
+
+
+def _of_nobody(*_: object) -> float:
+    raise TypeError("a function of robots that are no more")
 
 
 def assemble(
@@ -27,6 +49,7 @@ def assemble(
     threads: int | None = None,
     journal: Journal | None = None,
     payload: Payload | None = None,
+    common: Common | None = None,
 ) -> tuple[Swarm, Station]:
     """A swarm in its scenario and the operator's desk.
 
@@ -35,9 +58,11 @@ def assemble(
     threads: None is one for each core.
     journal: None is one in memory.
     payload: what a program adds to the bodies.
+    common: what it has in common with others, without a payload; None for nothing.
     """
     simulator = Simulator(scenario, seed, threads=threads, payload=payload)
-    swarm = Swarm(simulator, scenario.mission if mission else ())
+    names = None if common is None else common.vocabulary_of(simulator.model)
+    swarm = Swarm(simulator, scenario.mission if mission else (), names)
     station = station_of(swarm, journal)
     swarm.desk = station
     return swarm, station

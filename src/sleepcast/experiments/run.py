@@ -9,13 +9,15 @@ Measures in Python are imported and called here: whether they may be is decided 
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import signal
+from collections import OrderedDict, deque
 from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from itertools import islice
+from itertools import chain, islice
 from math import isnan
 from multiprocessing import connection, get_context
 from pathlib import Path
@@ -26,7 +28,7 @@ from urllib.parse import urlsplit
 
 import msgspec
 
-from sleepcast.api.assembly import assemble, warm_up
+from sleepcast.api.assembly import Common, assemble, warm_up
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.api.session_test import missed_in
 from sleepcast.core.errors import MisuseError, SleepcastError
@@ -45,7 +47,7 @@ from sleepcast.experiments.results import (
     outdated_in,
 )
 from sleepcast.language import CheckError
-from sleepcast.simulator import Scenario
+from sleepcast.simulator import Changes, Scenario, ScenarioOfSeeds
 from sleepcast.simulator.scenario.groups import filled
 from sleepcast.simulator.scenario.mission import BOUNDS, COUNTS, MAX_ORDERS, Order, after_end
 
@@ -58,6 +60,11 @@ LONGEST_RUN = 3_600.0
 """Seconds that a run may take by the clock, unless something else is wanted."""
 AHEAD = 3
 """Runs that a cluster is given for each of its threads, so that none waits for us."""
+SHORT, SMALL = 1.0, 4_096
+"""Seconds of a run, and characters of its settings, below which a worker process is given the next one before it has
+ended: it would wait as long as we write the outcome, and long ones are for whoever is free first."""
+MAX_POINTS = 64
+"""Points of which a process knows what their runs have in common: the latest ones."""
 MAX_MISSED = len(COUNTS) * len(BOUNDS) * MAX_ORDERS
 """Counts that a mission may want, and that came otherwise: each of every command, once in each way."""
 LONGEST_HASH = 128
@@ -70,23 +77,94 @@ class ClusterError(MisuseError):
     """A cluster that cannot be reached."""
 
 
+class Runner:
+    """Does runs of an experiment, one after the other: what those of a point have in common is made once."""
+
+    def __init__(self, experiment: Experiment) -> None:
+        self._experiment = experiment
+        self._points: OrderedDict[str, _Point] = OrderedDict()
+
+    def do(self, run: PlannedRun) -> RunResult:
+        """One run. What goes wrong in it is its outcome."""
+        began = perf_counter()
+        try:
+            samples, state, unsent, missed = self._done(run)
+        except (Exception, SystemExit) as error:  # a measure of somebody's own may raise anything
+            reason = str(error) if isinstance(error, SleepcastError) else f"{type(error).__name__}: {error}"
+            return RunResult(run, error=reason or type(error).__name__, wall=perf_counter() - began, rules=FORMAT)
+        return RunResult(run, samples, "", state, perf_counter() - began, unsent, FORMAT, missed)
+
+    def opened(self, run: PlannedRun) -> SimulatedFleet:
+        """The fleet at the start of a run. Raises what is wrong in the scenario or in a command."""
+        key = json.dumps(run.point)
+        point = self._points.pop(key, None) or _Point(self._experiment, run)
+        self._points[key] = point  # it is the latest one now
+        if len(self._points) > MAX_POINTS:
+            self._points.popitem(last=False)
+        return point.opened(run.seed)
+
+    def _done(
+        self, run: PlannedRun
+    ) -> tuple[tuple[tuple[float | None, ...], ...], str, tuple[str, ...], tuple[str, ...]]:
+        """The samples of a run, the hash of its state at the end, the commands that were never sent, and what came
+        otherwise than its mission wanted."""
+        experiment = self._experiment
+        measures = [read_measure(text, own=True) for text in experiment.measures.values()]
+        soon = [if_known(measure) for measure in measures]
+        stop = if_known(read_stop(experiment.until, own=True).holds) if experiment.until else None
+        with self.opened(run) as fleet:
+            tick, last = fleet.swarm.simulator.scenario.tick, ticks_of(experiment, fleet.swarm.simulator.scenario)
+            due = None if experiment.every is None else Every(experiment.every, tick)
+            samples = [] if due is None else [_taken(fleet, soon)]
+            ticks = 0
+            while ticks < last:
+                following = ticks + 1 if stop else last if due is None else min(last, due.following(ticks))
+                fleet.run((following - ticks) * tick, quiet=True)
+                ticks = following
+                if stop is not None and stop(fleet) == 1.0:
+                    break
+                if due is not None and due.due(ticks) and ticks < last:
+                    samples.append(_taken(fleet, soon))
+            unsent = tuple(order.in_short() for order in fleet.swarm.mission)
+            missed = tuple(missed_in(fleet.swarm, fleet.station))
+            return (*samples, _taken(fleet, measures)), fleet.hash, unsent, missed
+
+
+class _Point:
+    """The runs of a point, and what they have in common. run: any of them."""
+
+    def __init__(self, experiment: Experiment, run: PlannedRun) -> None:
+        self._experiment = experiment
+        self._scenarios = ScenarioOfSeeds(experiment.scenario, Changes(over=tuple(run.point.items())))
+        self._last: Scenario | None = None
+        self._common: Common | None = None
+        self._orders: tuple[Order, ...] = ()
+        """Of the last scenario: what its robots have in common with the next one's, and what the desk sends."""
+
+    def opened(self, seed: int) -> SimulatedFleet:
+        """See `Runner.opened`."""
+        scenario = self._scenarios[seed]
+        if self._last is None or not _alike(scenario, self._last):
+            self._last, self._common = scenario, Common()
+            self._orders = orders_of(self._experiment, scenario)
+        warm_up(scenario, 1, quiet=True)
+        scenario = replace(scenario, mission=self._orders)
+        return SimulatedFleet(*assemble(scenario, seed, mission=True, threads=1, common=self._common))
+
+
+def _alike(scenario: Scenario, other: Scenario) -> bool:
+    """Whether two scenarios are the same but for their seeds and walls."""
+    return replace(scenario, seed=0, shapes=(), origin="") == replace(other, seed=0, shapes=(), origin="")
+
+
 def do(experiment: Experiment, run: PlannedRun) -> RunResult:
-    """One run. What goes wrong in it is its outcome."""
-    began = perf_counter()
-    try:
-        samples, state, unsent, missed = _done(experiment, run)
-    except (Exception, SystemExit) as error:  # a measure of somebody's own may raise anything
-        reason = str(error) if isinstance(error, SleepcastError) else f"{type(error).__name__}: {error}"
-        return RunResult(run, error=reason or type(error).__name__, wall=perf_counter() - began, rules=FORMAT)
-    return RunResult(run, samples, "", state, perf_counter() - began, unsent, FORMAT, missed)
+    """See `Runner.do`."""
+    return Runner(experiment).do(run)
 
 
 def opened(experiment: Experiment, run: PlannedRun) -> SimulatedFleet:
-    """The fleet at the start of a run. Raises what is wrong in the scenario or in a command."""
-    scenario = experiment.scenario_at(run.point, run.seed)
-    orders = orders_of(experiment, scenario)
-    warm_up(scenario, 1, quiet=True)
-    return SimulatedFleet(*assemble(replace(scenario, mission=orders), run.seed, mission=True, threads=1))
+    """See `Runner.opened`."""
+    return Runner(experiment).opened(run)
 
 
 def orders_of(experiment: Experiment, scenario: Scenario) -> tuple[Order, ...]:
@@ -106,32 +184,6 @@ def too_late(experiment: Experiment) -> tuple[list[Order], float]:
         if late := after_end(orders_of(experiment, scenario), last, scenario.tick):
             return late, last * scenario.tick
     return [], 0.0
-
-
-def _done(
-    experiment: Experiment, run: PlannedRun
-) -> tuple[tuple[tuple[float | None, ...], ...], str, tuple[str, ...], tuple[str, ...]]:
-    """The samples of a run, the hash of its state at the end, the commands that were never sent, and what came
-    otherwise than its mission wanted."""
-    measures = [read_measure(text, own=True) for text in experiment.measures.values()]
-    soon = [if_known(measure) for measure in measures]
-    stop = if_known(read_stop(experiment.until, own=True).holds) if experiment.until else None
-    with opened(experiment, run) as fleet:
-        tick, last = fleet.swarm.simulator.scenario.tick, ticks_of(experiment, fleet.swarm.simulator.scenario)
-        due = None if experiment.every is None else Every(experiment.every, tick)
-        samples = [] if due is None else [_taken(fleet, soon)]
-        ticks = 0
-        while ticks < last:
-            following = ticks + 1 if stop else last if due is None else min(last, due.following(ticks))
-            fleet.run((following - ticks) * tick, quiet=True)
-            ticks = following
-            if stop is not None and stop(fleet) == 1.0:
-                break
-            if due is not None and due.due(ticks) and ticks < last:
-                samples.append(_taken(fleet, soon))
-        unsent = tuple(order.in_short() for order in fleet.swarm.mission)
-        missed = tuple(missed_in(fleet.swarm, fleet.station))
-        return (*samples, _taken(fleet, measures)), fleet.hash, unsent, missed
 
 
 def ticks_of(experiment: Experiment, scenario: Scenario) -> int:
@@ -203,12 +255,18 @@ class Workers:
 
     def map(self, runs: Iterable[PlannedRun]) -> Iterator[list[RunResult]]:
         """Do these runs; gives those that have finished, in the order in which they do."""
-        left = iter(runs)
+        left: Iterator[PlannedRun] = iter(runs)
         busy: dict[connection.Connection, _Worker] = {}
-        for worker in self._workers:
-            if (run := next(left, None)) is not None:
+
+        def feed(worker: _Worker, wanted: int) -> None:
+            """Let it have so many runs, as far as there are any."""
+            for run in islice(left, wanted - len(worker.runs)):
                 worker.begin(run)
+            if worker.runs:
                 busy[worker.pipe] = worker
+
+        for worker in self._workers:
+            feed(worker, 1)
         while busy:
             finished = []
             patience = max(0.0, self._limit - max(worker.taken for worker in busy.values()))
@@ -219,30 +277,32 @@ class Workers:
                 worker = busy.pop(pipe)
                 outcome = worker.give_up(self._limit) if late else worker.outcome()
                 finished.append(outcome)
-                if worker.ended:
+                ahead = outcome.wall < SHORT and len(outcome.run.key) < SMALL and not worker.ended
+                if worker.ended:  # what it has not begun yet is for others
+                    left = chain(worker.runs, left)
                     self._workers[self._workers.index(worker)] = worker = _Worker(self._experiment)
-                if (run := next(left, None)) is not None:
-                    worker.begin(run)
-                    busy[worker.pipe] = worker
+                feed(worker, 2 if ahead else 1)
             yield finished
 
 
 class _Worker:
-    """One process, and the run that it does. ended: whether it is gone."""
+    """One process. runs: the one that it does, and perhaps the next one. ended: whether it is gone."""
 
     def __init__(self, experiment: Experiment) -> None:
         context = get_context("spawn")  # a fork would copy threads in the middle of something
         self.pipe, theirs = context.Pipe()
         self.ended = False
-        self._run: PlannedRun | None = None
+        self.runs: deque[PlannedRun] = deque()
         self._began = 0.0
         self._process = context.Process(target=_serve, args=(theirs, experiment), daemon=True)
         self._process.start()
         theirs.close()
 
     def begin(self, run: PlannedRun) -> None:
-        """Let it do a run."""
-        self._run, self._began = run, perf_counter()
+        """Let it do a run, after the one that it does."""
+        if not self.runs:
+            self._began = perf_counter()
+        self.runs.append(run)
         with suppress(OSError):  # if it is gone, its outcome says so
             self.pipe.send(run)
 
@@ -253,18 +313,18 @@ class _Worker:
 
     def give_up(self, limit: float) -> RunResult:
         """End the process, whose run takes too long."""
-        assert self._run is not None
         self.end()
-        return RunResult(self._run, error=f"it took longer than {limit:g} s: is a measure hanging?")
+        return RunResult(self.runs.popleft(), error=f"it took longer than {limit:g} s: is a measure hanging?")
 
     def outcome(self) -> RunResult:
         """Wait for the outcome of its run."""
-        assert self._run is not None
         try:
             outcome: RunResult = self.pipe.recv()
         except (EOFError, OSError):
             self.end()
-            return RunResult(self._run, error=ENDED)
+            outcome = RunResult(self.runs[0], error=ENDED)
+        self.runs.popleft()
+        self._began = perf_counter()
         return outcome
 
     def end(self) -> None:
@@ -368,9 +428,10 @@ def _serve(pipe: connection.Connection, experiment: Experiment) -> None:
     """What a worker process does until its owner is gone. Ctrl-C is its owner's business."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    runner = Runner(experiment)
     with suppress(EOFError, OSError):
         while True:
-            pipe.send(do(experiment, pipe.recv()))
+            pipe.send(runner.do(pipe.recv()))
 
 
 def cores() -> int:

@@ -38,7 +38,7 @@ from sleepcast.fleet.inspection import (
 )
 from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.messages import Inbox, Outbox
-from sleepcast.fleet.native.kernels import Kernels, available
+from sleepcast.fleet.native.kernels import Kernels, MadeKernels, available
 from sleepcast.fleet.obeying import Evaluated, Obeying
 from sleepcast.fleet.queries import FleetQueries
 from sleepcast.fleet.scheduler import BatchScheduler, end_leases
@@ -349,7 +349,9 @@ class Fleet(Mapping[str, RobotView]):
         self.state = FleetState(vocabulary, numbers, seed)
         self.minds = Minds(vocabulary)
         self.outbox = Outbox(self.state, self.names)
-        self.kernels = Kernels(pool=pool, calls=isinstance(bodies, ManyBodies)) if native and available() else None
+        self.kernels: Kernels | None = None
+        if native and available():
+            self.kernels = Kernels(pool=pool, calls=isinstance(bodies, ManyBodies), made=vocabulary.common(MadeKernels))
         self.memory = FleetMemory(self.state, self.minds, self.outbox, bodies, self.kernels)
         self.evaluation_log = EvaluationLog(self.memory)
         self.authority = FleetAuthority(self.state, tells=tells, lease=lease)
@@ -431,7 +433,9 @@ class Fleet(Mapping[str, RobotView]):
 
     def _different(self) -> Iterator[Mind]:
         """The distinct minds that robots have now."""
-        return (self.minds[number] for number in np.flatnonzero(np.bincount(self.state.mind)).tolist())
+        one = self.state.one_mind
+        there = np.flatnonzero(np.bincount(self.state.mind)).tolist() if one is None else [one]
+        return (self.minds[number] for number in there)
 
     def actuators(self, name: str) -> tuple[slice | Index, Column]:
         """The robots that have assigned this actuator since the last call, and their values (SI), read-only."""

@@ -9,6 +9,7 @@ however many robots store it.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
+from functools import cached_property
 from math import nan
 from typing import TypeAlias, TypeVar
 
@@ -222,8 +223,14 @@ class Mind:
 
     def __init__(self, rules: dict[str, Rule], symbols: dict[str, Declared], operators: dict[str, Program]) -> None:
         self.rules, self.symbols, self.operators = rules, symbols, operators
-        self.running = tuple(running(rules))
-        self.sequence = tuple(rule.key for rule in self.running)
+
+    @cached_property
+    def running(self) -> tuple[Rule, ...]:
+        return tuple(running(self.rules))
+
+    @cached_property
+    def sequence(self) -> tuple[str, ...]:
+        return tuple(rule.key for rule in self.running)
 
     def declared(self, key: str) -> Declared | None:
         """The declaration learned under `key`."""
@@ -260,7 +267,7 @@ class Minds:
     """The table of minds. vocabulary: of all robots. Number 0 is the mind that has learned nothing."""
 
     def __init__(self, vocabulary: Vocabulary) -> None:
-        self.vocabulary, self.library = vocabulary, Library()
+        self.vocabulary, self.library = vocabulary, Library(vocabulary)
         self._minds: dict[int, Mind] = {}
         self._numbers: dict[tuple[object, ...], int] = {}
         self._next = 0

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Sequence
 from math import nan
+from typing import TypeAlias
 from weakref import ref
 
 from sleepcast.core.errors import SleepcastError
@@ -67,7 +68,7 @@ class Program:
         self.stores = dict(checker.pending_uses)
         self.declares = {key: _DECLARES[kind] for key, kind in checker.pending.items() if kind in _DECLARES}
         self.locals, self.cost = checker.locals, steps
-        self._vocabulary = ref(checker.names.vocabulary)  # whose library keeps this program for as long as it lives
+        self._vocabulary = ref(checker.names.vocabulary.first)  # as long as it lives, libraries keep this program
         parts = walk(root)
         for index, part in enumerate(parts):
             part.index = index
@@ -179,14 +180,51 @@ def build(
     return Program(forms, root, len(parameters), checker, steps), checker
 
 
+Slots: TypeAlias = tuple[str, ...]
+"""The keys of user variables in the order of their slots."""
+
+
+class _Known:
+    """The programs of vocabularies that were made `anew` from one, for the next of them: their robots are given the
+    slots of user variables in the order in which they hear of them, so a program is kept under those before it."""
+
+    def __init__(self) -> None:
+        self._programs: dict[tuple[str, Slots, Slots], list[tuple[tuple[object, ...], Program, Slots]]] = {}
+        self._count = 0
+
+    def find(self, text: str, parameters: Slots, names: Names) -> Program | None:
+        """The program of a text for a robot with these names, whose vocabulary gets the slots that it gives."""
+        vocabulary = names.vocabulary
+        kept = self._programs.get((text, parameters, tuple(vocabulary.user_slots)), ())
+        for meanings, program, added in kept:
+            if meanings == _meanings(program, names) and not _circular(program, names):
+                for key in added:
+                    vocabulary.user_slot(key)
+                return program
+        return None
+
+    def keep(self, program: Program, parameters: Slots, before: Slots, names: Names) -> None:
+        """Keep what was just compiled. before: the slots then."""
+        added = tuple(names.vocabulary.user_slots)[len(before) :]
+        self._count += 1
+        if self._count > MAX_PROGRAMS:
+            self._programs, self._count = {}, 1
+        alike = self._programs.setdefault((program.text, parameters, before), [])
+        alike.append((_meanings(program, names), program, added))
+
+
 class Library:
     """Programs by text, shared by all robots of one vocabulary: a text is compiled once for a thousand robots.
 
     What a text means may depend on what a robot has learned, so each program is kept with what its learned names were.
     What is only asked never takes the place of what robots run: anybody may ask, and each question is another one.
+
+    vocabulary: of the robots; what was compiled for another one that was made `anew` from the same is taken over. None
+        takes nothing over.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, vocabulary: Vocabulary | None = None) -> None:
+        self._known = None if vocabulary is None else vocabulary.common(_Known)
         self._programs: dict[tuple[str, tuple[str, ...]], list[tuple[tuple[object, ...], Program]]] = {}
         self._count = 0
         self._questions: OrderedDict[str, list[tuple[tuple[object, ...], Program]]] = OrderedDict()
@@ -207,11 +245,20 @@ class Library:
             return suiting
         if asked:
             return self._question(text, forms, names)
-        program = _checked(text, forms(), names, parameters)
+        program = self._compiled(text, forms, names, parameters)
         self._count += 1
         if self._count > MAX_PROGRAMS:
             self._programs, self._count = {}, 1
         self._programs.setdefault((text, parameters), []).append((_meanings(program, names), program))
+        return program
+
+    def _compiled(self, text: str, forms: Callable[[], Sequence[Form]], names: Names, parameters: Slots) -> Program:
+        known, before = self._known, tuple(names.vocabulary.user_slots)
+        program = None if known is None else known.find(text, parameters, names)
+        if program is None:
+            program = _checked(text, forms(), names, parameters)
+            if known is not None and not program.asks:  # a function is of the bodies of one world
+                known.keep(program, parameters, before, names)
         return program
 
     def _question(self, text: str, forms: Callable[[], Sequence[Form]], names: Names) -> Program:

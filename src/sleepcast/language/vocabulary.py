@@ -9,9 +9,11 @@ Names are compared case-folded, in one namespace; a clash is refused when it is 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import TypeVar
 
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.model import Constant, HostFunction, NamedArea, Quantity
@@ -56,6 +58,9 @@ class Variable:
 
 
 Binding = Variable | Constant | HostFunction
+
+
+Thing = TypeVar("Thing")
 
 
 class VocabularyError(MisuseError):
@@ -117,6 +122,8 @@ class Vocabulary:
     forms: frozenset[str] = NEW_FORMS
     bindings: dict[str, Binding] = field(default_factory=dict, init=False)
     user_slots: dict[str, int] = field(default_factory=dict, init=False)
+    _first: Vocabulary | None = field(default=None, init=False)
+    _shelf: dict[type, object] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
         kinds = (
@@ -147,6 +154,30 @@ class Vocabulary:
     @property
     def first_actuator(self) -> int:
         return len(SUPPORT) + len(self.sensors)
+
+    @property
+    def first(self) -> Vocabulary:
+        """The one that this was made `anew` from; itself otherwise."""
+        return self._first or self
+
+    def anew(self, functions: Sequence[HostFunction] | None = None) -> Vocabulary:
+        """The same names for other robots of this type, which have learned nothing yet; see `common`. functions: of
+        their bodies, the same but for what they call; None for the same ones."""
+        other = copy(self)
+        other.user_slots, other._first = {}, self.first
+        if functions is not None:
+            other.functions = tuple(functions)
+            other.bindings = self.bindings | {each.name.casefold(): each for each in functions}
+        return other
+
+    def common(self, kind: type[Thing]) -> Thing | None:
+        """The one thing of this kind that all have in common that were made `anew` from one, as the programs that were
+        compiled for any of them. None where this was not made so."""
+        if self._first is None:
+            return None
+        thing = self._first._shelf.setdefault(kind, kind())
+        assert isinstance(thing, kind)
+        return thing
 
     def user_slot(self, key: str) -> int:
         """The slot of the user variable `key`, a new one if it was never heard of. Raises VocabularyError if full."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from functools import lru_cache
 from itertools import islice
 from typing import Protocol, TypeAlias
 
@@ -31,12 +32,17 @@ for."""
 
 def readable(order: Order) -> Order:
     """The order itself. Raises MissionError, with its place, for a text that nobody can read."""
+    _check_text(order)
+    return order
+
+
+@lru_cache(maxsize=256)  # runs of a sweep have the same orders
+def _check_text(order: Order) -> None:
     try:
         if (wanted := instruction(order)).is_expression:
             read(wanted.text)
     except SleepcastError as error:
         raise MissionError(in_file(order.place, str(error))) from error
-    return order
 
 
 def is_stopped_by_others(messages: Iterable[Message], own: Collection[str]) -> bool:

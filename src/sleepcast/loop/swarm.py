@@ -157,16 +157,19 @@ class Swarm:
     minds: each by its robot's name.
     desk: the operator's desk, if there is one; it sends through `post`.
     mission: orders that the desk sends automatically.
+    vocabulary: of robots of this simulator's model; None makes one.
 
     Raises MissionError for an order that is not an expression, MisuseError for too many robots, VocabularyError if
     names of the scenario clash with the language's.
     """
 
-    def __init__(self, simulator: Simulator, mission: Sequence[Order] = ()) -> None:
+    def __init__(
+        self, simulator: Simulator, mission: Sequence[Order] = (), vocabulary: Vocabulary | None = None
+    ) -> None:
         if len(simulator.names) > MAX_MINDS:
             raise MisuseError(f"{len(simulator.names)} robots are too many: at most {MAX_MINDS} minds fit into one run")
         self.simulator = simulator
-        self.vocabulary = vocabulary_of(simulator.model)
+        self.vocabulary = vocabulary_of(simulator.model) if vocabulary is None else vocabulary
         self.fleet = Fleet(
             simulator.names,
             self.vocabulary,

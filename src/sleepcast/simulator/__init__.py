@@ -24,6 +24,7 @@ from sleepcast.simulator.scenario.robot_types import later_starts, named_by_star
 from sleepcast.simulator.scenario.scenario import (
     Place,
     Scenario,
+    ScenarioOfSeeds,
     added_scenarios,
     find_scenario,
     load,
@@ -53,6 +54,7 @@ __all__ = [
     "SafetyLimits",
     "Saying",
     "Scenario",
+    "ScenarioOfSeeds",
     "SettingsError",
     "Shape",
     "Simulator",

@@ -29,7 +29,7 @@ from sleepcast.columns.values import Mask
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.serial import SerialError, pack, room_for, unpack
-from sleepcast.language import Checked, CheckError, Explanation, check
+from sleepcast.language import Checked, CheckError, Explanation
 from sleepcast.language.program import Program
 from sleepcast.language.symbols import Declared
 from sleepcast.language.vocabulary import Vocabulary
@@ -209,7 +209,7 @@ class Station:
         """Everything that is wrong or doubtful in `text`, in the names of the fleet. only: it is for these robots, None
         for all; anyway: robots' names are to make nothing wrong, for a sender who insists. Both matter where robots
         differ, and some have left. Raises ReadError."""
-        return check(text, self.learned)
+        return self.learned.check(text)
 
     @property
     def learned(self) -> FleetNames:

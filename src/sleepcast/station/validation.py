@@ -27,7 +27,7 @@ from sleepcast.channel.message_batch import NameIndex
 from sleepcast.columns.telemetry import BulkTelemetry, Key, KnownSymbols, TelemetryTable
 from sleepcast.columns.values import Mask, Rows, ValueColumns
 from sleepcast.core.errors import MisuseError
-from sleepcast.language import Checked
+from sleepcast.language import Checked, check
 from sleepcast.language.evaluate import is_true
 from sleepcast.language.explain import Explanation
 from sleepcast.language.parts import Part, walk
@@ -252,12 +252,12 @@ class FleetNames:
     def __init__(self, vocabulary: Vocabulary, minds: Minds) -> None:
         self.vocabulary = copy(vocabulary)
         self.vocabulary.user_slots = dict(vocabulary.user_slots)
-        self._minds = minds
+        self._minds, self._of_all = minds, minds if isinstance(minds, NamesOfAll) else None
 
     def declared(self, key: str) -> Declared | None:
         """What the first mind that knows `key` has learned under it, or None."""
-        if isinstance(self._minds, NamesOfAll):
-            return self._minds.declared(key)
+        if self._of_all is not None:
+            return self._of_all.declared(key)
         for mind in self._minds.values():
             declared = mind.declared(key)
             if declared is not None:
@@ -266,9 +266,64 @@ class FleetNames:
 
     def heard(self) -> Iterable[str]:
         """Every name that some mind has learned, each once."""
-        if isinstance(self._minds, NamesOfAll):
-            return self._minds.heard()
+        if self._of_all is not None:
+            return self._of_all.heard()
         return {name: None for mind in self._minds.values() for name in mind.heard()}
+
+    def check(self, text: str) -> Checked:
+        """See `lint.check`; what was checked in the same names, for other robots of the same `anew` vocabulary, is not
+        checked again. Raises ReadError."""
+        known, key = self.vocabulary.common(_Checks), (text, tuple(self.vocabulary.user_slots))
+        if known is None:
+            return check(text, self)
+        asked, checked = known.get(key, (None, None))
+        if asked is None or checked is None or not asked.like(self):
+            asked = _AnsweredNames(self)
+            checked = check(text, asked)
+            asked.forget_whom()
+            if checked.program is None or not checked.program.asks:  # a function is of the bodies of one world
+                if len(known) >= MAX_CHECKED:
+                    known.clear()
+                known[key] = asked, checked
+        return checked
+
+
+class _AnsweredNames:
+    """These names, and what they were asked: whoever asks others the same knows whether all would come out as here."""
+
+    def __init__(self, names: FleetNames) -> None:
+        self.vocabulary, self._names = names.vocabulary, names
+        self._declared: dict[str, Declared | None] = {}
+        self._heard: list[str] | None = None
+
+    def declared(self, key: str) -> Declared | None:
+        """See `FleetNames`."""
+        if key not in self._declared:
+            self._declared[key] = self._names.declared(key)
+        return self._declared[key]
+
+    def heard(self) -> Iterable[str]:
+        """See `FleetNames`."""
+        if self._heard is None:
+            self._heard = list(self._names.heard())
+        return self._heard
+
+    def forget_whom(self) -> None:
+        """Keep what was said, not who said it."""
+        del self._names
+
+    def like(self, names: FleetNames) -> bool:
+        """Whether others would have said the same."""
+        heard = self._heard is None or self._heard == list(names.heard())
+        return heard and all(names.declared(key) == known for key, known in self._declared.items())
+
+
+class _Checks(dict[tuple[str, tuple[str, ...]], tuple[_AnsweredNames, Checked]]):
+    """What was checked, by the text and by the user variables that had slots."""
+
+
+MAX_CHECKED = 256
+"""Of these, at most."""
 
 
 # ---- who would obey

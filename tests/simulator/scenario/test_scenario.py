@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import inf, isclose, radians
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import pytest
 
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.settings import key_lines
-from sleepcast.simulator import Changes, SettingsError, find_scenario, load, scenario_names
+from sleepcast.simulator import Changes, ScenarioOfSeeds, SettingsError, find_scenario, load, scenario_names
 from sleepcast.simulator.scenario.robot_settings import MAX_ROBOTS, Wheels
 from sleepcast.simulator.world.world import Circle, Polygon
 from small_worlds import SMALL, small, write
@@ -269,3 +270,13 @@ class TestGallery:
 def test_no_run_has_an_impossible_number_of_robots(robots: int) -> None:
     with pytest.raises(MisuseError, match=f"^robots {robots}: wanted a whole number from 1 to"):
         find_scenario("crowd", Changes(robots=robots))
+
+
+@pytest.mark.parametrize("own", [None, 8])
+def test_the_scenario_of_each_seed_is_that_which_is_found_with_it(tmp_path: Path, own: int | None) -> None:
+    maze = '\n[world.maze]\ncell = "100m"\n' + ("" if own is None else f"seed = {own}\n")
+    name, changes = str(write(tmp_path, more=maze)), Changes(over=(("robots.count", 12),))
+    of_seed = ScenarioOfSeeds(name, changes)
+    for seed in (3, 4, 3):
+        assert of_seed[seed] == find_scenario(name, replace(changes, seed=seed))
+    assert (of_seed[3].shapes == of_seed[4].shapes) == (own is not None)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Iterable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import lru_cache
@@ -258,6 +259,7 @@ class Kernel:
         self._groups = [which for column, which in self._entries if column == "group" and isinstance(which, str)]
         self.code = _compiled(text)
         self._bound: list[object] = []
+        self._kept: list[NDArray[np.generic]] = []
         self.bindings = 0
         """How often the table has been filled: as long as it stays the same, so do the addresses in it."""
         self._table = np.zeros(len(self._entries) + 1, np.int64)
@@ -267,6 +269,14 @@ class Kernel:
             if column in ("function", "context") and isinstance(which, int):
                 call = self.called[which]
                 self._table[number] = call.call if column == "function" else call.context
+
+    def unbound(self) -> Kernel:
+        """The same code for another fleet. It calls none of its bodies' functions."""
+        other = copy(self)
+        other._bound, other._kept, other.bindings = [], [], 0
+        other._table = self._table.copy()
+        other.table = other._table.ctypes.data
+        return other
 
     def run(
         self,

@@ -11,6 +11,7 @@ from __future__ import annotations
 import importlib.util
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from typing import NamedTuple, TypeAlias
 from weakref import WeakKeyDictionary
 
@@ -79,15 +80,23 @@ class SequencePlan:
             yield tuple(piece)
 
 
+class MadeKernels(dict[tuple[tuple[Rule, ...], int], Kernel]):
+    """Native code that calls nothing of a body, by piece and number of lanes: for all fleets whose vocabularies were
+    made `anew` from one, so that the second one has it from its first tick."""
+
+
 class Kernels:
     """The native code of a fleet's programs.
 
     hot: see `HOT`; with 0 nothing that could be native is ever walked, because evaluation waits for the code. pool:
     the threads that share large amounts of work. calls: whether rules may call the robots' own functions, because the
-    bodies of the fleet are those that the functions are of.
+    bodies of the fleet are those that the functions are of. made: for fleets like this one; None for nothing.
     """
 
-    def __init__(self, hot: int = HOT, pool: ThreadPool | None = None, *, calls: bool = False) -> None:
+    def __init__(
+        self, hot: int = HOT, pool: ThreadPool | None = None, *, calls: bool = False, made: MadeKernels | None = None
+    ) -> None:
+        self._made = made
         self._hot, self._pool, self._calls = hot, pool or ThreadPool(THREADS), calls
         self._plans: dict[tuple[tuple[str, ...], tuple[Rule, ...]], SequencePlan] = {}
         self._of_mind: WeakKeyDictionary[Mind, SequencePlan] = WeakKeyDictionary()
@@ -106,7 +115,10 @@ class Kernels:
             rules = tuple((rule.program, frozenset(meaning([rule.program], mind).items())) for rule in mind.running)
             if len(self._plans) >= MAX_KERNELS:
                 self._plans.clear()
-            plan = self._plans.setdefault((mind.sequence, rules), SequencePlan(mind.sequence, rules, calls=self._calls))
+            plan = self._plans.get((mind.sequence, rules))
+            if plan is None:
+                plan = self._plans[mind.sequence, rules] = SequencePlan(mind.sequence, rules, calls=self._calls)
+                self._take_over(plan, lanes(state))
             self._of_mind[mind] = plan
         plan.rounds += 1
         if plan.rounds == max(self._hot, 1):
@@ -131,6 +143,24 @@ class Kernels:
         self._part[:] = THERE
         return self._part
 
+    def _take_over(self, plan: SequencePlan, lanes: int) -> None:
+        """Use what was made for other fleets."""
+        for piece in plan.pieces() if self._made else ():
+            made = None if self._made is None else self._made.get((piece, lanes))
+            if made is not None and piece not in self._rules:
+                ready = self._rules[piece] = Future[Kernel]()
+                ready.set_result(made.unbound())
+                self._ready += 1
+
+    def _leave(self, piece: tuple[Rule, ...], lanes: int, future: Future[Kernel]) -> None:
+        """Let other fleets use what was made for this one, if it calls nothing of its bodies."""
+        kernel = None if future.exception() else future.result()
+        if kernel is None or kernel.functions or self._made is None:
+            return
+        if len(self._made) >= MAX_KERNELS:
+            self._made.clear()
+        self._made[piece, lanes] = kernel.unbound()
+
     def _ask_for(self, plan: SequencePlan, state: FleetState) -> None:
         if len(self._rules) >= MAX_KERNELS:
             self._rules.clear()
@@ -140,6 +170,7 @@ class Kernels:
                 programs = [program for program, _ in piece]
                 made = self._maker.submit(Kernel, programs, names, lanes(state), calls=self._calls)
                 self._rules[piece] = made
+                made.add_done_callback(partial(self._leave, piece, lanes(state)))
                 made.add_done_callback(self._count)
         if self._hot == 0:
             self.settle()

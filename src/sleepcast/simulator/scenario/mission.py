@@ -22,6 +22,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from math import isfinite
 from pathlib import Path
 from textwrap import dedent, indent
@@ -156,6 +157,7 @@ class Instruction(NamedTuple):
         return line.join((*([" ".join(words)] if words else []), self.text))
 
 
+@lru_cache(maxsize=256)  # each is asked for several times, and in each run of a sweep
 def instruction(order: Order) -> Instruction:
     """What an order comes to. Raises MissionError for words without an expression."""
     parsed, rest = Instruction("once"), order.text

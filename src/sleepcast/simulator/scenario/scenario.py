@@ -190,16 +190,23 @@ class Scenario:
 def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  # frozen: nobody can change it
     """The scenario in the folder or file `path`, with the changes of this run. Raises SettingsError, and MissionError
     for its mission script."""
-    file = path / FILE if path.is_dir() else path
-    return _read(file, file.resolve().parent.name, changes)
+    return _read(*_file_of(path), changes)[0]
 
 
 def read_scenario(text: str, changes: Changes = Changes()) -> Scenario:  # noqa: B008  # frozen: nobody can change it
     """The scenario in a TOML text; relative paths start at the working folder. Raises what `load` raises."""
-    return _read(Path(FILE), "scenario", changes, text)
+    return _read(Path(FILE), "scenario", changes, text)[0]
 
 
-def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> Scenario:
+def _file_of(path: Path) -> tuple[Path, str]:
+    """The scenario's file in a folder, or the one at this path, and its name."""
+    file = path / FILE if path.is_dir() else path
+    return file, file.resolve().parent.name
+
+
+def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> tuple[Scenario, bool]:
+    """The scenario in a file, and whether it is another one with another seed, apart from that. text: what is in the
+    file; None to read it."""
     refuse_overridden(changes)
     document = toml_document(file, text)
     for key, value in changes.over:
@@ -290,7 +297,7 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
         )
         if scenario.torus:
             _check_torus(root, scenario)
-        return scenario
+        return scenario, world.drawn
 
 
 def _check_torus(root: Table, scenario: Scenario) -> None:
@@ -412,6 +419,26 @@ def find_scenario(name: str, changes: Changes = Changes()) -> Scenario:  # noqa:
     Raises MisuseError if there is none, and what `load` raises for errors in it.
     """
     return replace(load(_place(name), changes), origin=written_origin(name, changes))
+
+
+class ScenarioOfSeeds:
+    """The scenario that `find_scenario` gives with these changes, for one seed after the other. Its file is read once,
+    and again for each seed only where its walls are drawn by chance. Raises what `find_scenario` raises.
+
+    changes: without a seed
+    """
+
+    def __init__(self, name: str, changes: Changes = Changes()) -> None:  # noqa: B008  # frozen: nobody can change it
+        self._name, self._changes = name, changes
+        self._read: tuple[Scenario, bool] | None = None
+
+    def __getitem__(self, seed: int) -> Scenario:
+        changes = replace(self._changes, seed=seed)
+        if self._read is None or self._read[1]:
+            place = _place(self._name)
+            self._read = _read(*_file_of(place), changes)
+        scenario, _ = self._read
+        return replace(scenario, seed=seed, origin=written_origin(self._name, changes))
 
 
 def is_scenario_file(file: Path) -> bool:

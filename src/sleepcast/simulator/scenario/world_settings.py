@@ -86,6 +86,7 @@ class WorldSpec:
     fenced: whether robots turn back at its edge on their own
     torus: whether it has no edge
     picture: of the map that it was made of
+    drawn: whether the seed of the run decides where its walls are
     """
 
     width: float
@@ -96,6 +97,7 @@ class WorldSpec:
     absent: tuple[Shape, ...] = ()
     torus: bool = False
     picture: MapPicture | None = None
+    drawn: bool = False
 
 
 def read_world(root: Table, robots: Callable[[], int], changes: Changes, seed: int) -> WorldSpec:
@@ -109,7 +111,8 @@ def read_world(root: Table, robots: Callable[[], int], changes: Changes, seed: i
         shapes: list[Shape] = [shape for each_taken in taken for shape in each_taken.shapes]
         written = _written(table, high)
         shapes += [shape for shape, absent in written if not absent]
-        shapes += _parted(table, high, seed)
+        parted, drawn = _parted(table, high, seed)
+        shapes += parted
         edge = table.text("edge", "fence", choices=EDGES)
     torus = edge == "torus"
     picture = next((each_taken.picture for each_taken in taken if each_taken.picture), None)
@@ -118,7 +121,7 @@ def read_world(root: Table, robots: Callable[[], int], changes: Changes, seed: i
     if edge == "wall":
         shapes.append(boundary(*high))
     absent_ones = tuple(shape for shape, absent in written if absent)
-    return WorldSpec(*high, width.unit or "m", tuple(shapes), edge == "fence", absent_ones, torus, picture)
+    return WorldSpec(*high, width.unit or "m", tuple(shapes), edge == "fence", absent_ones, torus, picture, drawn)
 
 
 def _written(world: Table, high: tuple[float, float]) -> list[tuple[Shape, bool]]:
@@ -215,9 +218,10 @@ def _from_files(world: Table) -> list[_Taken]:
     return contents
 
 
-def _parted(table: Table, size: tuple[float, float], seed: int) -> list[Wall]:
-    """The walls of [world.rooms] and [world.maze]."""
+def _parted(table: Table, size: tuple[float, float], seed: int) -> tuple[list[Wall], bool]:
+    """The walls of [world.rooms] and [world.maze], and whether they are of this seed."""
     walls: list[Wall] = []
+    drawn = False
     if table.has("rooms"):
         with table.table("rooms") as each:
             room = each.number("size", LENGTH, low=0.1, high=MAX_WORLD)
@@ -228,10 +232,11 @@ def _parted(table: Table, size: tuple[float, float], seed: int) -> list[Wall]:
         with table.table("maze") as each:
             cell = each.number("cell", LENGTH, low=0.1, high=MAX_WORLD)
             loops = each.number("loops", default=0.0, low=0.0, high=1.0)
+            drawn = not each.has("seed")
             own = each.whole("seed", seed, low=0, high=MAX_SEED)
             with table.answering("maze"):
                 walls += maze(*size, cell, loops, own)
-    return walls
+    return walls, drawn
 
 
 def _size(

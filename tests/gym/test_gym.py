@@ -402,7 +402,7 @@ class TestWorlds:
         observed, _ = env.reset(seed=4)
         alone = [Episode(checked(Task(actions=SETPOINTS, **task)), 4, 0, world) for world in range(3)]
         assert np.array_equal(observed, np.concatenate([each.observe() for each in alone]))
-        assert len({each.fleet.hash for each in alone}) == 3
+        assert len({each.swarm.simulator.state_hash() for each in alone}) == 3
         for _ in range(6):
             actions = env.action_space.sample()
             observed, reward, *_ = env.step(actions)
@@ -415,6 +415,36 @@ class TestWorlds:
     def test_the_first_world_is_the_same_however_many_there_are(self) -> None:
         one, many = (gym.vector_env("bravo", worlds=worlds, **RESCUE) for worlds in (1, 3))
         assert np.array_equal(one.reset(seed=4)[0], many.reset(seed=4)[0][:6])
+
+    def test_who_takes_a_fleet_between_steps_changes_nothing(self) -> None:
+        """What was made without Python is then brought up to date, and its desk hears of all robots."""
+        left_alone, looked_at = (gym.vector_env(worlds=2, **CROWD) for _ in range(2))
+        left_alone.action_space.seed(5)
+        for env in (left_alone, looked_at):
+            env.reset(seed=4)
+        for step in range(8):
+            actions = left_alone.action_space.sample()
+            expected, now = left_alone.step(actions), looked_at.step(actions)
+            assert all(np.array_equal(one, other) for one, other in zip(expected[:4], now[:4], strict=True))
+            if step == 3:
+                fleet = looked_at.fleets[1]
+                assert fleet.time == pytest.approx(4 * 3 * 0.1)
+                assert len(fleet.preview("(> x -1m)").yes) == 5
+            if step > 3:
+                assert (fleet.x == looked_at.fleets[1].x).all()
+        assert [each.hash for each in left_alone.fleets] == [each.hash for each in looked_at.fleets]
+
+    def test_commands_reach_robots_between_steps(self) -> None:
+        env = gym.vector_env(worlds=2, **CROWD)
+        env.reset(seed=4)
+        for _ in range(3):
+            env.step(np.full((10, 2), [0.5, 0.0]))
+        env.fleets[0].stop()
+        for _ in range(10):
+            env.step(np.full((10, 2), [0.5, 0.0]))
+        speeds = [fleet["speed"] for fleet in env.fleets]
+        assert not speeds[0].any()
+        assert speeds[1].any()
 
     def test_without_a_seed_all_worlds_have_the_one_that_is_drawn(self) -> None:
         env = gym.vector_env("bravo", worlds=3, **RESCUE)

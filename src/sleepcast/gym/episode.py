@@ -13,6 +13,7 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
+from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.core.counter_rng import key
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.given_numbers import MAX_SEED, read_seed, whole_number
@@ -20,6 +21,7 @@ from sleepcast.gym.task import CheckedTask
 from sleepcast.language import check
 from sleepcast.language.evaluate import is_true
 from sleepcast.language.learned_names import LearnedNames
+from sleepcast.loop import Swarm
 
 Flags = NDArray[np.bool_]
 Singles = NDArray[np.float32]
@@ -42,13 +44,21 @@ class EpisodeStep(NamedTuple):
 
 
 class Episode:
-    """One run of a task. seed, number, world: the same ones give the same run."""
+    """One run of a task. seed, number, world: the same ones give the same run.
+
+    Its desk begins to listen to the robots when somebody takes the `fleet`, unless it sends a mission, or there are
+    several: until then nobody sees what it would have heard.
+    """
 
     def __init__(self, checked: CheckedTask, seed: int, number: int, world: int = 0) -> None:
         self._checked, self._task = checked, checked.task
         purpose = ("episode", seed, number) if number else ("episode", seed)  # the first one is as it was in 0.2.0
-        self.fleet = checked.task.start(key(*purpose, *(("world", world) if world else ())) >> 1)
-        self._swarm = self.fleet.swarm
+        self._fleet = checked.task.start(key(*purpose, *(("world", world) if world else ())) >> 1)
+        self._swarm = self._fleet.swarm
+        self.taken = bool(self._task.mission or self._swarm.others)
+        """Whether somebody has taken the fleet, and may look at it at any time."""
+        if not self.taken:
+            self._swarm.desk = None
         self._rows = {each.name.casefold(): row for row, each in enumerate(self._swarm.simulator.model.sensors)}
         names = LearnedNames(self._swarm.vocabulary)
         expressions = () if isinstance(checked.acted, Box) else self._task.actions
@@ -56,10 +66,22 @@ class Episode:
         self._done: Flags = np.zeros(len(checked.names), np.bool_)
         self._resting: Flags = self._done.copy()
         self._steps = 0
-        self._swarm.sense()
+        self.sense()
+
+    @property
+    def fleet(self) -> SimulatedFleet:
+        if not self.taken:
+            self.taken, self._swarm.desk = True, self._fleet.station
+            self._swarm.send_initial_telemetry()
+        return self._fleet
+
+    @property
+    def swarm(self) -> Swarm:
+        """The same, for whoever only lets time pass and looks at bodies."""
+        return self._swarm
 
     def close(self) -> None:
-        self.fleet.close()
+        self._fleet.close()
 
     def step(self, actions: NDArray[np.generic]) -> EpisodeStep:
         """Let all robots act that are not done, and time pass: the ticks of a step, or fewer if the episode ends on one
@@ -74,10 +96,14 @@ class Episode:
             self._swarm.step()
             if ended := self.has_ended():
                 break
-        self._swarm.sense()
+        self.sense()
         reward = np.where(before, 0.0, self.reward())
         self._halt_done()
         return EpisodeStep(self.observe(), reward, self._done.copy(), ended, self.is_over())
+
+    def sense(self) -> None:
+        """Bring what sensors show up to date, sonars only if they are looked at."""
+        self._swarm.sense(sonars=self._checked.sees)
 
     def is_over(self) -> bool:
         """Another step is done: whether that was the last one."""

@@ -57,10 +57,15 @@ class Task:
 
 @dataclass(frozen=True)
 class CheckedTask:
-    """A task that fits its scenario, with the spaces of one robot. steps: of an episode, at most."""
+    """A task that fits its scenario, with the spaces of one robot.
+
+    sees: whether what robots observe, are paid for or are done by may read sonars.
+    steps: of an episode, at most.
+    """
 
     task: Task
     names: tuple[str, ...]
+    sees: bool
     observed: Box
     acted: Space  # type: ignore[type-arg]  # a Box of setpoints, or a number of expressions
     steps: int
@@ -110,11 +115,15 @@ def checked(task: Task) -> CheckedTask:
         seconds = scenario.seconds if task.seconds is None else in_seconds(task.seconds, "seconds")
         if not isfinite(seconds) or not scenario.tick <= seconds <= MAX_STEPS * scenario.tick:
             raise MisuseError(f"seconds {seconds}: wanted from {scenario.tick} to {MAX_STEPS * scenario.tick}")
+        sees, swarm = False, fleet.swarm
         for text in (*task.observations, task.reward, *([task.done] if task.done else [])):
             _ = fleet[text]
+            reads = swarm.fleet.queries[text].reads
+            sees |= reads is None or not swarm.sonars.isdisjoint(reads)
         return CheckedTask(
             task,
             tuple(fleet.names),
+            sees or task.mission,
             _observed(fleet, task.observations),
             _acted(fleet, task.actions),
             max(1, nearest_ticks(seconds, scenario.tick * task.ticks)),

@@ -10,8 +10,10 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
+from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.columns.telemetry import Key, KnownSymbols, TelemetryTable
 from sleepcast.columns.values import AskedColumns, Column, Mask, Rows
 from sleepcast.gym.episode import Episode, EpisodeKey, Episodes, Flags, Singles
@@ -20,7 +22,9 @@ from sleepcast.language import check
 from sleepcast.language.learned_names import LearnedNames
 from sleepcast.language.parts import walk
 from sleepcast.language.program import Program
-from sleepcast.language.vocabulary import ID, TIME_SLOT, Vocabulary
+from sleepcast.language.vocabulary import ID, TIME_SLOT
+from sleepcast.loop.quiet import LONGEST, QuietTicks
+from sleepcast.simulator.quiet.rows import WorldRows
 
 SENSED = frozenset({"const", "var", "local", "pure", "and", "or", "known", "cond", "if", "progn", "let"})
 """Operations that compute with nothing but sensors and numbers."""
@@ -48,6 +52,10 @@ class Together:
         self.worlds = [Episodes(task, world) for world in range(worlds)]
         self._programs: dict[str, Program | None] = {}
         """What robots observe and are paid for, as programs for one table; None where there is none for it."""
+        self._ticks: QuietTicks | None = None
+        """Makes the ticks of all worlds; None until a first episode has begun in each."""
+        self._stretch: Stretch | None = None
+        """Worlds that go on without Python, for some steps; see `_go_on`."""
 
     @property
     def keys(self) -> list[EpisodeKey | None]:
@@ -59,104 +67,212 @@ class Together:
         """See `Episodes.ended`, of each world."""
         return np.array([each.ended for each in self.worlds])
 
+    def fleet(self, world: int) -> SimulatedFleet:
+        """The run of a world. Raises MisuseError if none has begun."""
+        self._let_go()
+        return self.worlds[world].running().fleet
+
     def begin(self, which: Sequence[int], seed: int | None, options: Mapping[str, Any] | None) -> Singles:
         """Begin the next episode in these worlds, see `Episodes.begin`; gives what their robots observe."""
+        self._let_go()
         drawn = self.worlds[0].key  # the first seed, which the system draws, is that of all worlds
         for world in which:
             unseeded = seed is None and self.worlds[world].key is None and drawn is not None
             self.worlds[world].begin(drawn.seed if unseeded and drawn else seed, options)
             drawn = drawn or self.worlds[world].key
+            if self._ticks is not None:
+                self._ticks.replace(world, self.worlds[world].running().swarm)
+        if self._ticks is None:
+            self._ticks = QuietTicks([each.running().swarm for each in self.worlds], self.task.task.threads or 1)
         return self.observe(which)
 
     def step(self, which: Sequence[int], actions: NDArray[np.float64]) -> WorldSteps:
         """Let the robots of these worlds act, and time pass. actions: shape (worlds, robots, ...)."""
         episodes = [self.worlds[world].running() for world in which]
-        everybody = np.arange(len(self.task.names))
-        for episode, wanted in zip(episodes, actions, strict=True):
-            episode.act(wanted, everybody)
-        ended = self._pass(episodes)
+        ended = np.zeros(len(episodes), np.bool_)
+        if self._held(episodes):
+            table = self._go_on(actions)
+        else:
+            everybody = np.arange(len(self.task.names))
+            for episode, wanted in zip(episodes, actions, strict=True):
+                episode.act(wanted, everybody)
+            self._pass(which, episodes, ended)
+            table = SensorTable.of(episodes)
         over = np.array([episode.is_over() for episode in episodes])
         for world, each in zip(which, (ended | over).tolist(), strict=True):
             self.worlds[world].ended = each
-        return WorldSteps(*self._look(episodes, paid=True), ended, over)
+        return WorldSteps(*self._look(table, paid=True), ended, over)
 
-    def _pass(self, episodes: Sequence[Episode]) -> Flags:
-        """Let the ticks of a step pass; gives where the goal is reached, on whose tick a world's step ends."""
-        ended = np.zeros(len(episodes), np.bool_)
-        for _ in range(self.task.task.ticks):
-            for number in np.flatnonzero(~ended).tolist():
-                episodes[number].fleet.swarm.step()
-                ended[number] = self.task.until is not None and episodes[number].has_ended()
+    def _pass(self, which: Sequence[int], episodes: Sequence[Episode], ended: Flags) -> None:
+        """Let the ticks of a step pass; notes where the goal is reached, on whose tick a world's step ends."""
+        assert self._ticks is not None
+        ticks, looks = self.task.task.ticks, self.task.until is not None
+        for _ in range(ticks if looks else 1):
+            going = np.flatnonzero(~ended).tolist()
+            self._ticks.step(1 if looks else ticks, [which[number] for number in going])
+            for number in going if looks else ():
+                ended[number] = episodes[number].has_ended()
         for episode in episodes:
-            episode.fleet.swarm.sense()
-        return ended
+            episode.sense()
+
+    # ---- without Python
+
+    def _held(self, episodes: Sequence[Episode]) -> bool:
+        """Whether all worlds can make the next step in compiled code alone: bodies only move and sensors measure, no
+        goal is looked for, and nobody has taken a fleet, so that nobody can look at it meanwhile."""
+        ticks = self.task.task.ticks
+        if len(episodes) < len(self.worlds) or any(episode.taken for episode in episodes):
+            return False
+        if self._stretch is not None and self._stretch.left < ticks:
+            self._let_go()
+        if self._stretch is None and self._fits(episodes):
+            assert self._ticks is not None
+            if (left := self._ticks.hold(LONGEST)) >= ticks:
+                self._stretch = Stretch(episodes, left)
+            elif left:
+                self._ticks.let_go()
+        return self._stretch is not None
+
+    def _fits(self, episodes: Sequence[Episode]) -> bool:
+        """Whether the task asks for nothing that compiled code does not do."""
+        if self.task.until is not None or not isinstance(self.task.acted, Box):
+            return False
+        if not {each.casefold() for each in self.task.task.actions} <= {"drive_speed", "drive_turn"}:
+            return False
+        table = SensorTable.of(episodes)
+        return all(self._program(text, table) for text in (*self.task.task.observations, self.task.task.reward))
+
+    def _go_on(self, actions: NDArray[np.float64]) -> SensorTable:
+        """One step of all worlds."""
+        assert self._ticks is not None
+        assert self._stretch is not None
+        box, ticks = self.task.acted, self.task.task.ticks
+        assert isinstance(box, Box)
+        wanted = np.clip(actions, box.low, box.high).reshape(-1, len(self.task.task.actions))
+        by_name = {name.casefold(): wanted[:, at] for at, name in enumerate(self.task.task.actions)}
+        self._stretch.rows.drive(by_name.get("drive_speed"), by_name.get("drive_turn"))
+        self._ticks.go_on(ticks, sonars=self.task.sees)
+        self._stretch.left -= ticks
+        self._stretch.ticks += ticks
+        return self._stretch.table()
+
+    def _let_go(self) -> None:
+        """Bring all worlds up to date."""
+        if self._stretch is not None and self._ticks is not None:
+            self._ticks.let_go()
+            self._stretch = None
+
+    # ---- what robots observe
 
     def observe(self, which: Sequence[int]) -> Singles:
         """What the robots of these worlds observe now, shape (worlds, robots, observations)."""
-        return self._look([self.worlds[world].running() for world in which])[0]
+        self._let_go()
+        return self._look(SensorTable.of([self.worlds[world].running() for world in which]))[0]
 
-    def _look(self, episodes: Sequence[Episode], *, paid: bool = False) -> tuple[Singles, NDArray[np.float64]]:
+    def _look(self, table: SensorTable, *, paid: bool = False) -> tuple[Singles, NDArray[np.float64]]:
         """What robots observe, and what they are `paid`, 0 if nobody asks for it."""
-        task, shape = self.task.task, (len(episodes), len(self.task.names))
-        table = SensorTable(episodes)
-        observed = np.empty((*shape, len(task.observations)), np.float32)
+        task, shape = self.task.task, (len(table.episodes), len(self.task.names))
+        observed = np.empty((len(task.observations), table.count), np.float32)
         for column, text in enumerate(task.observations):
-            observed[..., column] = self._values(text, table).reshape(shape)
+            observed[column] = self._values(text, table)
         box = self.task.observed
-        np.clip(np.nan_to_num(observed, copy=False), box.low, box.high, out=observed)
+        by_robot = np.nan_to_num(observed, copy=False).T.reshape(*shape, -1)
         reward = np.nan_to_num(self._values(task.reward, table)) if paid else np.zeros(shape)
-        return observed, reward.reshape(shape)
+        return np.clip(by_robot, box.low, box.high), reward.reshape(shape)
 
     def _values(self, text: str, table: SensorTable) -> Column:
         """What an expression comes to on each robot of the table."""
-        if text not in self._programs:
-            self._programs[text] = table.program(text)
-        program = self._programs[text]
+        program = self._program(text, table)
         if program is None:
             return np.concatenate([episode.values(text) for episode in table.episodes])
-        return table.values(program, np.arange(table.count))[0]
+        return table.value(program)
+
+    def _program(self, text: str, table: SensorTable) -> Program | None:
+        if text not in self._programs:
+            self._programs[text] = table.program(text)
+        return self._programs[text]
 
     def close(self) -> None:
+        self._let_go()
         for each in self.worlds:
             each.close()
 
     def __getstate__(self) -> dict[str, Any]:
         """A copy, in this process or another, begins anew."""
-        return self.__dict__ | {"_programs": {}}
+        return self.__dict__ | {"_programs": {}, "_ticks": None, "_stretch": None}
+
+
+class Stretch:
+    """Worlds that are held for some ticks, see `QuietTicks.hold`.
+
+    left: ticks that may still follow. ticks: those that were made.
+    """
+
+    def __init__(self, episodes: Sequence[Episode], left: int) -> None:
+        self._episodes, self.left, self.ticks = episodes, left, 0
+        swarms = [episode.swarm for episode in episodes]
+        self._began = np.repeat([swarm.simulator.tick for swarm in swarms], len(swarms[0].fleet))
+        self._tick = np.repeat([swarm.simulator.scenario.tick for swarm in swarms], len(swarms[0].fleet))
+        self.rows = WorldRows([swarm.simulator for swarm in swarms])
+
+    def table(self) -> SensorTable:
+        """What robots sense now."""
+        return SensorTable(self._episodes, self.rows.sensed(), lambda: (self._began + self.ticks) * self._tick)
 
 
 class SensorTable(TelemetryTable):
-    """What the robots of these episodes have sensed, in one table."""
+    """What the robots of some episodes have sensed, in one table.
 
-    def __init__(self, episodes: Sequence[Episode]) -> None:
-        self.episodes = episodes
-        swarms = [episode.fleet.swarm for episode in episodes]
-        self._vocabulary, self._ageing = swarms[0].vocabulary, swarms[0].fleet.measured.keys()
-        self._sensed = np.concatenate([swarm.simulator.sensed for swarm in swarms], axis=1)
-        self._swarms, self.count = swarms, self._sensed.shape[1]
+    sensed: shape (sensors, rows).
+    times: gives the time of each row, s.
+    """
+
+    def __init__(self, episodes: Sequence[Episode], sensed: NDArray[np.float64], times: Callable[[], Column]) -> None:
+        self.episodes, self.count = episodes, sensed.shape[1]
+        self._sensed, self._times = sensed, times
+        swarm = episodes[0].swarm
+        self._vocabulary, self._ageing = swarm.vocabulary, swarm.fleet.measured.keys()
         self._columns = AskedColumns(self.count, self._fill, dict)
+        self._values: dict[Program, Column] = {}
+
+    @classmethod
+    def of(cls, episodes: Sequence[Episode]) -> SensorTable:
+        """The table of these episodes as they are now."""
+        swarms = [episode.swarm for episode in episodes]
+        sensed = np.concatenate([swarm.simulator.sensed for swarm in swarms], axis=1)
+        return cls(episodes, sensed, lambda: np.repeat([swarm.now() for swarm in swarms], len(swarms[0].fleet)))
 
     def program(self, text: str) -> Program | None:
         """The expression as a program for this table; None if it needs anything that is not in it."""
         checked = check(text, LearnedNames(self._vocabulary))
         if checked.unknown or checked.program is None:
             return None
+        first = self._vocabulary.first_sensor
+        known = {ID, TIME_SLOT, *range(first, first + len(self._vocabulary.sensors))} - self._ageing
         parts = walk(checked.program.root)
-        known = {ID, TIME_SLOT, *self._rows(self._vocabulary)} - self._ageing
         fits = all(part.op in SENSED and (part.op != "var" or part.slot in known) for part in parts)
         return checked.program if fits else None
 
-    def _rows(self, vocabulary: Vocabulary) -> range:
-        return range(vocabulary.first_sensor, vocabulary.first_sensor + len(vocabulary.sensors))
+    def value(self, program: Program) -> Column:
+        """What one of these programs comes to on each row."""
+        if program not in self._values:
+            self._values[program] = self._value(program)
+        return self._values[program]
+
+    def _value(self, program: Program) -> Column:
+        root = program.root
+        if root.op == "var":
+            return self._columns.column(root.slot, Rows.run(0, self.count))
+        return self.values(program, np.arange(self.count))[0]
 
     def latest(self) -> AskedColumns:
         return self._columns
 
     def _fill(self, slot: int) -> Column:
         if slot == ID:
-            return np.concatenate([np.asarray(swarm.fleet.numbers, np.float64) for swarm in self._swarms])
+            return np.concatenate([np.asarray(each.swarm.fleet.numbers, np.float64) for each in self.episodes])
         if slot == TIME_SLOT:
-            return np.repeat([swarm.now() for swarm in self._swarms], self.count // len(self._swarms))
+            return self._times()
         sensed: Column = self._sensed[slot - self._vocabulary.first_sensor]
         return sensed
 

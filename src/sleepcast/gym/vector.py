@@ -44,11 +44,11 @@ class RobotVector(VectorEnv[Singles, NDArray[np.generic], NDArray[np.generic]]):
 
     @property
     def fleet(self) -> Any:
-        return self._together.worlds[0].running().fleet
+        return self._together.fleet(0)
 
     @property
     def fleets(self) -> list[Any]:
-        return [each.running().fleet for each in self._together.worlds]
+        return [self._together.fleet(world) for world in self._everywhere]
 
     @property
     def episode_key(self) -> EpisodeKey | None:

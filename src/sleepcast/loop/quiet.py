@@ -194,11 +194,21 @@ class QuietWorld:
         block.begin(ticks, sampled and bool(swarm.sonars) and (bool(asked) or swarm.radio.reaches_all))
         return ticks
 
-    def end(self) -> int:
-        """Note what has come of them, and report; gives how many there were."""
+    def cancel(self) -> None:
+        """No tick was made after `begin`."""
+        self._swarm.whole = True
+
+    @property
+    def thinks(self) -> bool:
+        """After `begin`: whether rules run in these ticks."""
+        return self._minds.awake
+
+    def end(self, made: int | None = None) -> int:
+        """Note what has come of them, and report; gives how many there were. made: that, if they were made in several
+        calls."""
         swarm, block, minds = self._swarm, self.block, self._minds
         assert block is not None
-        ticks, trouble = block.done, block.trouble
+        ticks, trouble = block.done if made is None else made, block.trouble
         block.note()
         simulator = swarm.simulator
         minds.note(ticks, block.most_steps)
@@ -245,6 +255,39 @@ class QuietTicks:
             for number in left.keys() - made.keys():
                 self._swarms[number].advance(1)
             left = {number: most - made.get(number, 1) for number, most in left.items() if most > made.get(number, 1)}
+
+    # ---- many ticks, some at a time
+
+    def hold(self, most: int) -> int:
+        """Get all swarms ready for a stretch of so many quiet ticks, or fewer, of which `go_on` makes some at a time;
+        gives how many, 0 where some tick is not quiet or rules run. Until `let_go` nobody may look at the swarms."""
+        begun, least = list[QuietWorld](), most
+        for swarm in self._swarms if len(self._places) == len(self._swarms) else ():
+            ticks = swarm.quiet.begin(most)
+            begun += [swarm.quiet] if ticks else []
+            least = min(least, 0 if swarm.quiet.thinks else ticks)
+            if not least:
+                break
+        if len(begun) < len(self._swarms) or not least:
+            for each in begun:
+                each.cancel()
+            return 0
+        self._made, self._each = [0] * len(begun), (0, False)
+        return least
+
+    def go_on(self, ticks: int, *, sonars: bool) -> None:
+        """Make so many ticks of the stretch in all swarms. sonars: whether all of them measure in the last one."""
+        assert self._table is not None
+        if self._each != (ticks, sonars):
+            self._each = ticks, sonars
+            self._table.begin(ticks, sonars)
+        self._table.make(range(len(self._swarms)))
+        self._made = [made + ticks for made in self._made]
+
+    def let_go(self) -> None:
+        """The stretch is over, or as much of it as was wanted."""
+        for swarm, made in zip(self._swarms, self._made, strict=True):
+            swarm.quiet.end(made)
 
     def replace(self, number: int, swarm: QuietSwarm) -> None:
         """Put another swarm in the place of the one with this index: that one is over."""

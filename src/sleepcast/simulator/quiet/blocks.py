@@ -381,6 +381,11 @@ class WorldTable:
         if not block.share(before):
             self._provide([block])
 
+    def begin(self, ticks: int, sampled: bool) -> None:
+        """See `BodyBlock.begin`, of all worlds."""
+        for each in self._blocks:
+            each.begin(ticks, sampled)
+
     def make(self, which: Sequence[int]) -> None:
         """Let the worlds with these indices, ascending, make the ticks that they are to make."""
         called, table, ends = addresses(), self._addresses, self._borders

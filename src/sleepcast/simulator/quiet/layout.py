@@ -117,3 +117,10 @@ DIGITS = 20
 """Characters that the number of a tick and the closing bracket take at most."""
 WHOLE, REAL, TIME = range(3)
 """What a word for the time holds."""
+
+# ---- the words of a world whose robots are rows, see `rows`
+
+ROBOTS, SIZE, HALTED, MODES, SPEEDS, TURNS, MEASURED = range(7)
+"""The row of its first robot; how many there are; the addresses of which are stopped, of modes, of the speeds and turn
+rates that are wanted, and of what is sensed."""
+ROW_WORDS = 7

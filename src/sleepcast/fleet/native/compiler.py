@@ -49,6 +49,8 @@ LANES = 8
 """Robots at a time: what the widest vectors hold; for narrower ones, LLVM uses several."""
 SPLIT = 500_000
 """Robots times parts from which on threads share the work: below, waiting for each other costs more."""
+CALLED = 50
+"""Parts that take about as long as one call of a function that senses."""
 GRAIN = 64
 """Robots whose one-byte values fill a cache line, which two threads should not share."""
 
@@ -77,13 +79,14 @@ class Writer:
     """Writes the text of one loop. counted: whether the steps of each program are stored. calls: see `is_native`.
 
     bodies: the columns of bodies that the code uses, by name. own: the robots' own functions in it. called: those that
-    it calls, each with the constants among its arguments.
+    it calls, each with the constants among its arguments. sensing: in how many places.
     """
 
     def __init__(self, programs: Sequence[Program], names: Meaning, lanes: int, counted: bool, calls: bool) -> None:
         self.a = Assembly(lanes)
         self.entries: dict[Entry, int] = {}
         self.called: list[tuple[HostFunction, tuple[float | None, ...]]] = []
+        self.sensing = 0
         self._programs, self._names, self._counted, self._calls = programs, names, counted, calls
         self.own = _own(programs, names) if calls else []
         written = {each.into.name: each.into for function in self.own for each in function.writes}
@@ -180,6 +183,7 @@ class Writer:
         """The results of a function of the robots' own software that only senses, called lane by lane."""
         if (function, constants) not in self.called:
             self.called.append((function, constants))
+        self.sensing += 1
         which = self.called.index((function, constants))
         function_at, context = self._pointer("function", which), self._pointer("context", which)
         return self.a.call_each(function_at, context, self._base, numbers, mask)
@@ -248,7 +252,7 @@ class Kernel:
         """The functions to be called before it, each with the address of its only argument."""
         self._entries, self._count = list(writer.entries), len(programs)
         sizes = [Size(program, names, calls=calls) for program in programs]
-        self.lanes, self.parts = lanes, sum(size.parts for size in sizes)
+        self.lanes, self.parts = lanes, sum(size.parts for size in sizes) + CALLED * writer.sensing
         self.steps = [size.steps for size in sizes]
         """Largest number of steps of each program."""
         self.entering = [enters(program, names) for program in programs]

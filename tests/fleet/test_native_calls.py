@@ -22,6 +22,7 @@ pytestmark = pytest.mark.skipif(
     not (available() and has_numba()), reason="such code needs llvmlite and numba, the extra `fast`"
 )
 
+PINGS = '[pings]\nreach = "60m"\n'
 SHARES = '[neighbours.shares]\nopinion = ""\nway = "deg"\n'
 CROWD = (
     ("count = 20", "count = {count}"),
@@ -37,7 +38,7 @@ SENSES = (
 )  # fmt: skip
 ACTS = (
     "(DRIVE {a} {b})", "(ST)", "(WANDER)", "(COLOUR {a})", "(SHARE_OPINION {a})", "(SHARE_WAY {b})", "(GOTO {a} {b})",
-    "(TUMBLE)", "(SETQ drive_speed {a})",
+    "(PING {b})", "(PROGN (PING) (PING 3) (ST))", "(TUMBLE)", "(SETQ drive_speed {a})",
 )  # fmt: skip
 
 
@@ -65,6 +66,7 @@ def called(swarm: Swarm) -> set[str]:
         ("best-of-n", 40, {"COUNT", "COLOUR", "GOTO"}),
         ("couzin", 30, {"COUNT", "MEAN_X", "MEAN_Y", "MEAN_HEADING", "DRIVE"}),
         ("beeclust", 20, None),
+        ("fireflies", 60, None),
         ("gauci", 20, {"SONAR", "DRIVE"}),
         ("energy", 30, None),
         ("shepherding", None, None),
@@ -104,7 +106,7 @@ def test_random_rules_are_the_same(
 ) -> None:
     """Also where they fault, and where a robot is stopped, asleep, or released again."""
     changes = [(old, new.format(count=count, edge=edge)) for old, new in CROWD]
-    more = f'\n[neighbours]\nreach = "200m"\n{ERRORS[errors]}{SHARES}'
+    more = f'\n[neighbours]\nreach = "200m"\n{ERRORS[errors]}{SHARES}{PINGS}'
     scenario = load(write(tmp_path_factory.mktemp("world"), *changes, more=more))
     found = []
     for native in (False, True):

@@ -138,6 +138,14 @@ class Outbox:
         self._pinged[rows.index] += 1
         self._pings.append((rows.robots, castes))
 
+    def ping_noted(self) -> None:
+        """PING where native code has noted one. Whose comes first makes no difference to who hears it."""
+        castes = self._state.castes()
+        robots = np.flatnonzero(~np.isnan(castes))
+        if robots.size:
+            self.ping(Rows.of(robots), castes[robots])
+            castes[robots] = np.nan
+
     def pings(self, robot: int) -> list[float]:
         """The castes of a robot's pings; the sender clears the list."""
         for robots, castes in self._pings:

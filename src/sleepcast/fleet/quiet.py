@@ -102,7 +102,8 @@ class QuietMinds:
     def _suits(self, plan: SequencePlan) -> bool:
         """Whether rules change nothing that matters to other parts of a tick than the bodies' actuators."""
         watched = [SLEEPING, FROZEN, *range(ACTIVE0, ACTIVE0 + BUFFERS)]
-        return not any(kernel.writes(watched) or kernel.lanes > self._fleet.state.count for kernel in _kernels(plan))
+        count = self._fleet.state.count
+        return not any(each.writes(watched) or each.pings or each.lanes > count for each in _kernels(plan))
 
     def _pending(self, but: dict[int, tuple[int, int]]) -> bool:
         """Whether any other actuator was assigned."""

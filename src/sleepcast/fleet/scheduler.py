@@ -159,6 +159,8 @@ class BatchScheduler:
 
     def _note(self, keys: Sequence[str], kernel: Kernel, rows: Rows, *, last: bool) -> None:
         """Native code has evaluated rules on these robots. last: whether nothing follows."""
+        if kernel.pings:
+            self._memory.outbox.ping_noted()
         tallies = [self._memory.statistics[key] for key in keys]
         for tally, steps, entering in zip(tallies, kernel.steps, kernel.entering, strict=True):
             tally.ran(steps, rows, stored=entering)

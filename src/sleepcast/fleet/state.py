@@ -81,6 +81,7 @@ class FleetState(ValueColumns):
         """Whether functions that act are refused: the robot is stopped and its body has no latch of its own."""
         self.still = np.zeros(count, np.bool_)
         """Whether the body is held still."""
+        self._castes: NDArray[np.float64] | None = None
 
     def turn(self, rows: Rows, mind: int) -> None:
         """Give these robots a mind."""
@@ -110,6 +111,12 @@ class FleetState(ValueColumns):
         if len(codes) == 1:
             return [(next(iter(codes)), rows, None)]
         return [(group, rows.take(coded == code), coded == code) for group, code in codes.items()]
+
+    def castes(self) -> NDArray[np.float64]:
+        """The caste of the ping that native code has noted for each robot, NaN for none, until the outbox takes it."""
+        if self._castes is None:
+            self._castes = filled(nan, np.float64, self.count)
+        return self._castes
 
     def assigned(self, slot: int) -> Mask:
         """Which robots have assigned an actuator."""

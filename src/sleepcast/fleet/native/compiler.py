@@ -35,7 +35,7 @@ from sleepcast.core.threads import ThreadPool, borders
 from sleepcast.fleet.native import libm
 from sleepcast.fleet.native.assembly import Assembly
 from sleepcast.fleet.native.lowering import ELEMENTS, Addresses, Lowering, enters, kind_of
-from sleepcast.fleet.native.symbols import Meaning, Size, is_called
+from sleepcast.fleet.native.symbols import Meaning, Size, is_called, is_ping
 from sleepcast.fleet.state import FleetState
 from sleepcast.language.acts import FLAGS
 from sleepcast.language.parts import host_of, walk
@@ -79,7 +79,8 @@ class Writer:
     """Writes the text of one loop. counted: whether the steps of each program are stored. calls: see `is_native`.
 
     bodies: the columns of bodies that the code uses, by name. own: the robots' own functions in it. called: those that
-    it calls, each with the constants among its arguments. sensing: in how many places.
+    it calls, each with the constants among its arguments. sensing: in how many places. pings: whether
+    some of it is a PING.
     """
 
     def __init__(self, programs: Sequence[Program], names: Meaning, lanes: int, counted: bool, calls: bool) -> None:
@@ -88,6 +89,7 @@ class Writer:
         self.called: list[tuple[HostFunction, tuple[float | None, ...]]] = []
         self.sensing = 0
         self._programs, self._names, self._counted, self._calls = programs, names, counted, calls
+        self.pings = any(is_ping(part, calls) for each in _all(programs, names) for part in walk(each.root))
         self.own = _own(programs, names) if calls else []
         written = {each.into.name: each.into for function in self.own for each in function.writes}
         flags = [each.unless for function in self.own for each in function.writes if each.unless is not None]
@@ -144,6 +146,8 @@ class Writer:
         for name, column in self._written_bodies.items():
             kind = self._vector(kind_of(column))
             columns.moved[name] = (a.cell(kind, self._read(kind_of(column), name, kind)), a.cell(a.truth, a.no))
+        if self.pings:
+            columns.pinged = (a.cell(a.real, self._read("ping", "", a.real)), a.cell(a.truth, a.no))
         low = Lowering(a, columns, self._names, calls=self._calls)
         chancy = any(program.chancy for program in _all(self._programs, self._names))
         if chancy:
@@ -165,6 +169,9 @@ class Writer:
         for name, (value, where) in columns.moved.items():
             kind = kind_of(self.bodies[name])
             self._keep(kind, name, a.get(value, self._vector(kind)), a.both(well, a.get(where, a.truth)))
+        if self.pings:
+            caste, where = columns.pinged
+            self._keep("ping", "", a.get(caste, a.real), a.both(well, a.get(where, a.truth)))
         if chancy:
             self._keep("draws", "", a.get(low.drawn, a.whole), well)
         for number, (value, matched, steps) in enumerate(results):
@@ -246,6 +253,8 @@ class Kernel:
         self._bodies = writer.bodies
         self.called = [_bound(*each) for each in writer.called]
         """How the functions are called that it calls."""
+        self.pings = writer.pings
+        """Whether there are pings to be taken after it."""
         self.functions = {each.name for each in writer.own}
         """The names of the robots' own functions in it."""
         self.prepared = sorted({(each.prepare, each.senses) for each in self.called})
@@ -363,6 +372,8 @@ def _array(
     state: FleetState, part: NDArray[np.uint8], sinks: Sequence[ResultColumns], column: str, which: int | str
 ) -> NDArray[np.generic] | None:
     """A column of the table, None for a group without members."""
+    if column == "ping":
+        return state.castes()
     if isinstance(which, str):
         by_name: dict[str, NDArray[np.generic] | None]
         by_name = {

@@ -33,6 +33,7 @@ ELEMENTS = {
     "acted": ("i8", 1),
     "fresh": ("i8", 1),
     "held": ("i8", 1),
+    "ping": ("double", 8),
     "body": ("i8", 1),
     "body_real": ("double", 8),
 }
@@ -44,13 +45,15 @@ class Addresses:
     """The addresses of columns that the code uses, created as needed.
 
     read: gives the lanes of a column. call: calls a robots' own function. `written` holds the cells of slots that the
-    code assigns: their new values, and in which lanes; `moved` those of columns of bodies, by name.
+    code assigns: their new values, and in which lanes; `moved` those of columns of bodies, by name,
+    `pinged` those of castes.
     """
 
     def __init__(self, a: Assembly, read: Callable[[str, int | str, str], str], call: Call) -> None:
         self.a, self.read, self.call = a, read, call
         self.written: dict[int, tuple[str, str]] = {}
         self.moved: dict[str, tuple[str, str]] = {}
+        self.pinged = "", ""
         self.actuators: set[int] = set()
 
     def slot(self, slot: int) -> str:
@@ -133,6 +136,8 @@ class Lowering:
                 return a.convert("uitofp", a.byte, member, a.real)
             case "defvar":
                 return self._columns.slot(part.slot)
+            case "act" if part.name == "ping":
+                return self._ping(part, mask)
             case "act":
                 slot, value = FLAGS[part.name]
                 self._columns.assign(slot, a.number(value), mask)
@@ -205,6 +210,19 @@ class Lowering:
         result = formulas.FORMULAS[name](a, numbers, a.both(known, mask))
         self._in_trouble(a.both(known, self._unknown(a.binary("fsub", a.real, result, result))), mask)
         return a.select(known, result, a.nan)
+
+    # ---- pings
+
+    def _ping(self, part: Part, mask: str) -> str:
+        """Note one ping; robots that ping twice are walked, and so are those that do not know its caste."""
+        a = self.a
+        caste = self.value(part.parts[0], mask) if part.parts else a.zero
+        cell, where = self._columns.pinged
+        again = a.compare("ord", a.get(cell, a.real), a.zero)
+        self._in_trouble(a.either(again, self._unknown(caste)), mask)
+        a.put(cell, a.real, a.select(mask, caste, a.get(cell, a.real)))
+        a.put(where, a.truth, a.either(a.get(where, a.truth), mask))
+        return a.one
 
     # ---- the robots' own functions
 

@@ -91,7 +91,12 @@ def is_native(part: Part, names: Meaning, depth: int, levels: int, calls: bool) 
         return part.data.kind is VariableKind.ACTUATOR or not ACTIVE0 < part.slot < ACTIVE0 + BUFFERS
     if part.op == "defvar":
         return names["known", part.name] is True
-    return part.op in _NATIVE or (part.op == "act" and part.name in FLAGS)
+    return part.op in _NATIVE or (part.op == "act" and (part.name in FLAGS or is_ping(part, calls)))
+
+
+def is_ping(part: Part, calls: bool) -> bool:
+    """Whether a part is a PING that native code notes, one in a round; only in rules, as calls."""
+    return calls and part.op == "act" and part.name == "ping"
 
 
 def is_called(part: Part) -> bool:

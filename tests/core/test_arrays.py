@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sleepcast.core.arrays import LINE, PAGE, filled
+from sleepcast.core.arrays import LINE, PAGE, block, filled
 
 
 def place(array: np.ndarray) -> int:
@@ -34,3 +34,11 @@ def test_arrays_do_not_share_memory():
     one[:] = 7
     assert (other == 1).all()
     assert not np.shares_memory(one, other)
+
+
+@pytest.mark.parametrize("size", [0, 1, 100, PAGE - 1, PAGE, 3 * PAGE])
+def test_a_block_begins_with_a_line_and_few_bytes_take_no_pages(size):
+    found = block(size, 7 * LINE)
+    assert len(found) == size
+    assert size == 0 or place(found) % LINE == 0
+    assert found.base.nbytes <= size + 2 * (LINE if size < PAGE else PAGE)

@@ -29,9 +29,11 @@ _offsets = count(0, STEP)
 
 
 def block(size: int, offset: int = 0) -> NDArray[np.uint8]:
-    """So many bytes that hold anything, beginning at this offset, a multiple of LINE, in a page."""
-    memory = np.empty(size + 2 * PAGE, np.uint8)
-    first = -memory.ctypes.data % PAGE + offset
+    """So many bytes that hold anything, beginning at this offset, a multiple of LINE, in a page; less than a page
+    begins with any line."""
+    place = LINE if size < PAGE else PAGE
+    memory = np.empty(size + 2 * place, np.uint8)
+    first = -memory.ctypes.data % place + offset % place
     return memory[first : first + size]
 
 

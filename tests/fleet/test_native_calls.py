@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from sleepcast.core.threads import ThreadPool
 from sleepcast.fleet.native import compiler
 from sleepcast.fleet.native.kernels import Kernels, available
-from sleepcast.loop import Swarm
+from sleepcast.loop import Swarm, snapshot, step_swarm
 from sleepcast.simulator import Changes, Scenario, find_scenario, load
 from sleepcast.simulator.engine import has_numba
 from small_worlds import write
@@ -137,3 +137,23 @@ def test_a_robot_that_would_act_on_what_is_unknown_is_walked_and_reports(tmp_pat
     assert set(run.fleet.state.dropped.tolist()) == {4}
     assert run.simulator.bodies.wanted_speed.tolist() == [2.0] * 20
     assert not run.simulator.colours()
+
+
+def test_quiet_ticks_do_what_such_rules_do() -> None:
+    """Compiled code alone measures what a rule asks its sonars for, and moves the bodies as it says."""
+    found = []
+    for quiet in (False, True):
+        run = swarm(find_scenario("crowd", Changes(robots=24)), native=True)
+        desk_of(run).send(
+            "(RULE veer (IF (< (SONAR 0) 5m) (DRIVE 0.1 0.5) (IF (PROB 5%) (ST) (WANDER))))", everybody=True
+        )
+        desk_of(run).send("(RULE away (WHEN (> (SONAR 8) 8m) (GOTO (+ x 1) y)))", everybody=True)
+        ticks = 0
+        while ticks < 40:
+            ticks += run.advance(40 - ticks) if quiet else 1
+            if not quiet:
+                step_swarm(run)
+        assert {"SONAR", "DRIVE", "GOTO", "ST", "WANDER"} <= called(run)
+        assert (run.quiet.ticks > 20) == quiet
+        found.append(snapshot(run))
+    assert found[0] == found[1]

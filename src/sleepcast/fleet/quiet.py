@@ -103,7 +103,10 @@ class QuietMinds:
         """Whether rules change nothing that matters to other parts of a tick than the bodies' actuators."""
         watched = [SLEEPING, FROZEN, *range(ACTIVE0, ACTIVE0 + BUFFERS)]
         count = self._fleet.state.count
-        return not any(each.writes(watched) or each.pings or each.lanes > count for each in _kernels(plan))
+        kernels = _kernels(plan)
+        if not all(address for kernel in kernels for address, _ in kernel.begun):
+            return False
+        return not any(each.writes(watched) or each.pings or each.lanes > count for each in kernels)
 
     def _pending(self, but: dict[int, tuple[int, int]]) -> bool:
         """Whether any other actuator was assigned."""
@@ -119,7 +122,7 @@ class QuietMinds:
             [fleet.memory.statistics[key].own_steps().ctypes.data for key in _entering(plan)],
             {names[slot - first].name: places for slot, places in actuators.items()},
             state.draws.ctypes.data,
-            sorted({each for kernel in kernels for each in kernel.prepared}),
+            sorted({each for kernel in kernels for each in kernel.begun}),
         )
 
     def reads(self) -> frozenset[int]:

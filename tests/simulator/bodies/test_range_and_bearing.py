@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from math import cos, isclose, isnan, pi, sin
 from pathlib import Path
 
@@ -277,6 +278,51 @@ def test_random_worlds_are_the_same_with_and_without_pairs(
     found[np.isnan(found)] = np.nan  # whatever sign it has
     by_numpy, *others = found
     assert all(each.tobytes() == by_numpy.tobytes() for each in others)
+
+
+@pytest.mark.parametrize("errors", ERRORS)
+def test_native_code_is_given_the_same_and_can_begin_a_tick(errors: str, tmp_path: Path) -> None:
+    """As long as chance has no part in it: its keys are Python's."""
+    pytest.importorskip("numba")
+    scenario = load(write(tmp_path, more=f'\n[neighbours]\nreach = "400m"\n{ERRORS[errors]}{SHARED}'))
+    sims = [Simulator(scenario, machine=choose("numba", 1)) for _ in range(2)]
+    names = ("COUNT", "MEAN_X", "MEAN_HEADING", "MEAN_WAY", "SUM_OPINION")
+    functions = {each.name: each for each in sims[0].model.functions if each.name in names}
+    calls = {}
+    for name, function in functions.items():
+        assert function.native
+        assert function.native.takes((300.0,))
+        assert not function.native.takes((None,))
+        calls[name] = function.native.bound((300.0,))
+    found = []
+    for tick in range(3):
+        for sim in sims:
+            sim.step()
+            near = sim.senses._near
+            assert near
+            sim.bodies.x[:] += 10.0 * np.arange(20.0)
+            near.share(1, np.arange(20), np.arange(20.0) * tick)
+            near.share(2, np.arange(20), np.arange(20.0))
+        first, second = sims
+        for call in calls.values():
+            assert call
+            assert bool(call.begin) == (errors == "exact")
+            if call.begin:
+                ctypes.CFUNCTYPE(None, ctypes.c_void_p)(call.begin)(call.senses)
+        if errors == "exact":
+            near.step()  # of the second one, whose senses Python begins again
+        else:
+            for sim in sims:
+                assert sim.senses._near
+                sim.senses._near.step()
+        for name, call in calls.items():
+            assert call
+            ctypes.CFUNCTYPE(None, ctypes.c_void_p)(call.prepare)(call.senses)
+            ask = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_int64, ctypes.c_double)(call.call)
+            found.append([ask(call.context, robot, 300.0) for robot in range(20)])
+            assert np.array_equal(found[-1], ask_all(second, name, 300.0), equal_nan=True)
+        assert first.bodies.tick == tick + 1
+    assert len({tuple(each) for each in found}) > 6
 
 
 class TestInExpressions:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from sleepcast.station import Station, station, whose_names
+from sleepcast.station import Station, station, validation, whose_names
 
 ONCE = {"checked": 1, "foreseen": 1, "validated": 1}
 
@@ -27,7 +27,7 @@ def counted() -> Iterator[Counter[str]]:
         return counting
 
     with pytest.MonkeyPatch.context() as patch:
-        for module in (station, whose_names):
+        for module in (validation, whose_names):
             patch.setattr(module, "check", count("checked", module.check))
         patch.setattr(station, "preview", count("foreseen", station.preview))
         patch.setattr(Station, "_settle", count("validated", Station._settle))

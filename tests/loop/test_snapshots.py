@@ -200,7 +200,7 @@ def test_half_a_tick_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     swarm.run(2)
     kept = snapshot(swarm)
     with monkeypatch.context() as patch:
-        patch.setattr(swarm.fleet, "think", raise_interrupt)
+        patch.setattr(swarm.fleet, "take_messages", raise_interrupt)
         with pytest.raises(KeyboardInterrupt):
             swarm.step()
     with pytest.raises(SnapshotLostError, match=r"the tick of 2\.1 s was broken off"):

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from sleepcast.core.arrays import LINE, Arena
 from sleepcast.core.threads import FEW, SIZES, ThreadPool, borders
-from sleepcast.simulator.motion import steps
 from sleepcast.simulator.motion.driving import Laws
 from sleepcast.simulator.motion.steps import SKIN, BodyColumns, Displacement, Draws, Settled, boxes_of, clear
 from sleepcast.simulator.neighbours.neighbourhood import Formula, Vicinity
@@ -250,23 +249,20 @@ class NumbaMachine:
         return Displacement(*rows[:3]), rows[3]
 
     def propose(self, bodies: BodyColumns, laws: Laws, draws: Draws, proposal: Displacement) -> None:
-        if not laws.track:  # there are only few bodies without wheels
-            steps.propose(bodies, laws, draws, proposal)
-            return
         roam, left, right = (np.uint64(draw) for draw in draws)
+        if not laws.track:
+            self._share(
+                len(bodies.x), lambda first, last: kernels_motion.glide(bodies, laws, roam, proposal, first, last)
+            )
+            return
         self._share(
             len(bodies.x),
             lambda first, last: kernels_motion.propose(bodies, laws, roam, left, right, proposal, first, last),
         )
 
     def commit(self, bodies: BodyColumns, laws: Laws, proposal: Displacement, settled: Settled) -> None:
-        if not laws.track:
-            steps.commit(bodies, laws, proposal, settled)
-            return
-        self._share(
-            len(bodies.x),
-            lambda first, last: kernels_motion.commit(bodies, laws, proposal, *settled, first, last),
-        )
+        end = kernels_motion.commit if laws.track else kernels_motion.end_glide
+        self._share(len(bodies.x), lambda first, last: end(bodies, laws, proposal, *settled, first, last))
 
     def settle(
         self,

@@ -99,6 +99,17 @@ def test_machines_agree_between_walls_and_without_bumpers(tmp_path: Path) -> Non
         assert len({went(busy(tmp_path, machine, WHEELS["noisy"], change), 80) for machine in ALL}) == 1
 
 
+@pytest.mark.parametrize("bumpers", ["bumpers = 8\n", 'bumpers = 8\ncontact = "slide"\n', ""])
+def test_machines_agree_on_bodies_without_wheels(tmp_path: Path, bumpers: str) -> None:
+    gliding = ('[robots.wheels]\ntrack = "0.3452m"\n', ""), ("bumpers = 8\n", bumpers)
+    sims = [busy(tmp_path, machine, "", *gliding) for machine in ALL]
+    assert len({went(sim, 150) for sim in sims}) == 1
+    bodies = sims[0].bodies
+    assert not bodies.laws.track
+    assert (bodies.stores[0] == 0.0).any()
+    assert (bodies.stores[0] > 0.0).any()
+
+
 def test_threads_do_not_matter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("numba")
     for few in ("LIGHT", "CROWDED"):  # whatever threads may share, they do

@@ -290,6 +290,67 @@ def some_arrive(x, y, heading, dx, dy, turn, free, i, most):
     put_some(heading, i, wrapped(some(heading, i, most) + some(turn, i, most)), most)
 
 
+# ---- bodies without wheels
+
+
+@strict
+def glide(bodies, laws, roam, proposal, first, last):
+    """See `steps.propose`: for the bodies from `first` to `last` (exclusive), which have no wheels."""
+    mode, held, wanted_speed, wanted_turn, target_x, target_y, swing, roaming, chance = bodies[:9]
+    x, y, heading, encoder_x, encoder_y, encoder_heading, own_speed, _, _, _, stores, uses = bodies[10:]
+    out_dx, out_dy, out_turn = proposal
+    most = laws.acceleration * laws.tick
+    for i in range(first, last):
+        speed, turn = wanted_speed[i], wanted_turn[i]
+        if mode[i] == GOTO:
+            dx = shortest(target_x[i] - encoder_x[i], laws.around_x)
+            dy = shortest(target_y[i] - encoder_y[i], laws.around_y)
+            speed, turn = approach(laws, dx, dy, encoder_heading[i])
+        elif mode[i] != DRIVE:
+            drawn = float(mixed(chance[i], roam) >> U(11)) * UNIT - 0.5
+            roaming[i] = roaming[i] * laws.retained + drawn * (UNIT_SPREAD * laws.strayed)
+            speed, turn = laws.roam_speed, roaming[i]
+        moves = not held[i]
+        for store in range(uses.shape[0]):
+            if uses[store] != 0.0 and stores[store, i] <= 0.0:
+                moves = False
+        if swing[i] != 0.0 and moves:
+            turn = bounded(swing[i] / laws.tick, -laws.turn_rate, laws.turn_rate)
+            rest = swing[i] - turn * laws.tick
+            swing[i] = 0.0 if abs(rest) < 1e-9 else rest
+        if laws.margin >= 0.0 and mode[i] != GOTO and speed != 0.0 and outside(laws, x[i], y[i]):
+            turn = turned_back(laws, x[i], y[i], heading[i], speed, turn)
+        if not moves:
+            speed, turn = 0.0, 0.0
+        own_speed[i] += bounded(bounded(speed, -laws.speed, laws.speed) - own_speed[i], -most, most)
+        turned = bounded(turn, -laws.turn_rate, laws.turn_rate) * laws.tick
+        way = own_speed[i] * laws.tick
+        sine, cosine = sine_cosine(heading[i] + turned)
+        out_dx[i] = bounded(x[i] + way * cosine, laws.left, laws.right) - x[i]
+        out_dy[i] = bounded(y[i] + way * sine, laws.bottom, laws.top) - y[i]
+        out_turn[i] = turned
+
+
+@strict
+def end_glide(bodies, laws, proposal, free, hit_x, hit_y, first, last):
+    """See `steps.commit`: for the bodies from `first` to `last` (exclusive), which have no wheels."""
+    x, y, heading, _, _, _, speed, left, right, bumper, stores, uses = bodies[10:]
+    dx, dy, turn = proposal
+    for i in range(first, last):
+        used = abs(speed[i]) * laws.tick * free[i]
+        if laws.parts != 0.0:
+            bumper[i] = touched_part(laws, hit_x[i], hit_y[i], heading[i]) if free[i] < 1.0 else 0.0
+        x[i] += free[i] * dx[i]
+        y[i] += free[i] * dy[i]
+        heading[i] = wrap(heading[i] + turn[i])
+        if laws.slides == 0.0 and free[i] < 1.0:
+            speed[i], left[i], right[i] = 0.0, 0.0, 0.0
+        for store in range(uses.shape[0]):
+            if uses[store] != 0.0:
+                rest = stores[store, i] - used * uses[store]
+                stores[store, i] = 0.0 if rest < 0.0 else rest
+
+
 # ---- contact: how far bodies get before they touch
 
 

@@ -111,6 +111,24 @@ def test_many_worlds_make_their_ticks_in_one_call(threads: int) -> None:
     assert all(swarm.quiet.ticks >= 0.8 * LAST for swarm in together[:3])
 
 
+def test_a_world_takes_the_place_of_another() -> None:
+    def made(seed: int, robots: int = 9) -> Swarm:
+        return swarm_of(few("crowd", robots), seed, 1)
+
+    worlds, later = [made(1), made(2), swarm_of(few("election"), 3, 1)], [made(4, 20), swarm_of(few("election"), 5, 1)]
+    ticks = QuietTicks(worlds)
+    ticks.step(12)
+    for number, swarm in enumerate(later):
+        ticks.replace(number, swarm)
+    ticks.replace(2, made(6))
+    ticks.step(9, [0, 2])
+    ticks.step(3)
+    assert [swarm.simulator.tick for swarm in (*worlds, *later)] == [12, 12, 12, 12, 3]
+    for swarm, alone in ((worlds[1], made(2)), (later[0], made(4, 20)), (later[1], swarm_of(few("election"), 5, 1))):
+        singly(alone, swarm.simulator.tick)
+        assert snapshot(swarm) == snapshot(alone)
+
+
 def test_commands_of_all_sorts_come_between_quiet_ticks() -> None:
     def commanded(how: Callable[[Swarm, int], None]) -> bytes:
         swarm = swarm_of(few("crowd", 20), 5, 1)

@@ -220,6 +220,8 @@ class ValueColumns(Columns):
         self._block: Column = np.empty((0, count))
         self._copies: list[Column] = []
         """The columns that were copied last in one go, which are rows of a block."""
+        self.layouts = 0
+        """How often columns or groups have come or gone: as long as it stays the same, each lies where it did."""
 
     def members(self, key: str) -> Mask | None:
         return self.groups.get(key)
@@ -233,6 +235,7 @@ class ValueColumns(Columns):
     def assign(self, slot: int, rows: Rows, values: Column | float) -> None:
         """Set a variable of these robots."""
         if isinstance(values, float) and rows.size == self.count and slot < len(self._same):
+            self.layouts += self._columns[slot] is not None
             self._same[slot], self._columns[slot] = values, None
             return
         self.own(slot)[rows.index] = values
@@ -244,6 +247,7 @@ class ValueColumns(Columns):
             self._columns.append(None)
         column = self._columns[slot]
         if column is None:
+            self.layouts += 1
             column = self._columns[slot] = filled(self._same[slot], np.float64, self.count)
         return column
 
@@ -251,6 +255,7 @@ class ValueColumns(Columns):
         """Read a variable from a column stored elsewhere, always with its current values."""
         self._columns[slot] = column
         self._shared.add(slot)
+        self.layouts += 1
 
     def copy_from(self, other: ValueColumns, rows: Rows, slots: Iterable[int]) -> None:
         """Copy some variables of these robots."""
@@ -269,6 +274,7 @@ class ValueColumns(Columns):
         if not (len(here) == len(columns) == len(self._copies) and all(map(is_, here, self._copies))):
             self._block = np.empty((len(columns), self.count))
             self._copies = list(self._block)
+        self.layouts += 1
         self._same, self._columns = [*other._same], [None] * len(other._same)
         for slot, column in zip(columns, self._copies, strict=True):
             self._columns[slot] = column
@@ -295,6 +301,7 @@ class ValueColumns(Columns):
         """The members of a group; an unknown group is created."""
         members = self.groups.get(key)
         if members is None:
+            self.layouts += 1
             members = self.groups[key] = filled(0, np.bool_, self.count)
         return members
 
@@ -320,6 +327,7 @@ class ValueColumns(Columns):
             raise SerialError(f"robots with {length} variables, wanted {len(self._same)} and those that they made")
         if not all(0 <= slot < length and slot not in self._shared for slot in state.columns):
             raise SerialError(f"a column of a variable that is none of the {length}, or one that others keep")
+        self.layouts += 1
         shared = [(slot, self._columns[slot]) for slot in self._shared]
         self._same, self._columns = list(state.same), [None] * length
         for slot, theirs in shared:

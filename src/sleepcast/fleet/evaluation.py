@@ -227,16 +227,18 @@ class RuleStatistics:
         """How many evaluations by native code may follow before their matches are added up."""
         return MAX_FRESH - self._counted
 
-    def ran_often(self, steps: int, times: int, most: int | None) -> None:
-        """Native code has evaluated the rule on all robots so many times, at most `uncounted` ones, without a fault.
-        most: the most steps that any robot has used, where the code has stored them; None: all have used `steps`."""
-        rows = Rows.run(0, len(self._fresh))
-        if most is None:
-            self.used(steps, rows)
-        self.most_steps = max(self.most_steps, steps if most is None else most)
+    def ran_often(self, times: int) -> None:
+        """Native code has evaluated the rule on all robots so many times, at most `uncounted` ones, without a fault."""
         self._counted += times
         if self._counted == MAX_FRESH:
             self._gather()
+
+    def ran_alike(self, steps: int, most: int | None) -> None:
+        """What these evaluations have come to besides. most: the most steps that any robot has used, where the code has
+        stored them; None: all have used `steps`."""
+        if most is None:
+            self.used(steps, Rows.run(0, len(self._fresh)))
+        self.most_steps = max(self.most_steps, steps if most is None else most)
         if self._in_row is not None:
             self._in_row[:] = 0
 
@@ -297,6 +299,8 @@ class StatisticsTable:
         self.leases: dict[str, Column] = {}
         self.proven_leases: dict[str, Column] = {}
         self.lost: dict[str, Mask] = {}
+        self.changes = 0
+        """How often statistics have changed otherwise than by native code that has evaluated rules on all robots."""
 
     def __getitem__(self, key: str) -> RuleStatistics:
         statistics = self._tallies.get(key)
@@ -310,6 +314,7 @@ class StatisticsTable:
 
     def keep_only(self, keys: set[str]) -> None:
         """Drop the columns of expressions that no robot stores any more."""
+        self.changes += 1
         for columns in (self._tallies, self.leases):
             for key in [key for key in columns if key not in keys]:
                 del columns[key]
@@ -344,6 +349,7 @@ class StatisticsTable:
 
     def apply(self, effects: Sequence[Effect], rows: Rows) -> None:
         """Apply the effects of a change of mind to each of these robots."""
+        self.changes += 1
         for effect in effects:
             key = effect.key
             if effect.what == "new":
@@ -369,6 +375,7 @@ class StatisticsTable:
 
     def restore(self, state: StatisticsState) -> None:
         """Restore these statistics. Raises SerialError."""
+        self.changes += 1
         self._tallies.clear()
         for key, tally in state.tallies.items():
             self[key].restore(tally)

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from sleepcast.fleet.evaluation import RuleStatistics
 from sleepcast.fleet.fleet import Fleet
 from sleepcast.fleet.native.compiler import Kernel
 from sleepcast.fleet.native.kernels import SequencePlan
-from sleepcast.fleet.state import Mind
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, FROZEN, SLEEPING, TICK, TIME_SLOT
 
 MOST = 254
@@ -48,28 +48,53 @@ class QuietMinds:
         self._fleet = fleet
         self._everybody = fleet.rows()
         self._plan: SequencePlan | None = None
-        self._bindings: list[int] = []
         self._rules = NOTHING
-        self._asked: Mind | None = None
+        self._assigned: frozenset[int] = frozenset()
+        """The slots of the actuators that rules assign."""
+        self._tallies: list[RuleStatistics] = []
+        self._stamp: tuple[int, ...] | None = None
+        """What tells whether anything has changed that rules depend on; None if they cannot be evaluated so."""
+        self._settled = False
+        """Whether all that ticks come to besides has been noted."""
 
     def ready(self) -> int:
         """How many ticks may follow in which nothing but native rules are evaluated, on all robots alike, or nothing at
         all; 0 if there is something else to do. Then `rules` says which."""
+        fleet = self._fleet
+        waiting = not fleet.inbox.empty or not fleet.outbox.empty or fleet.memory.statistics.leases
+        if waiting or fleet.scheduler.left_over or fleet.rests or not fleet.authority.idle:
+            return 0
+        if (self._stamp != self._stamp_now() and not self._look()) or self._pending():
+            return 0
+        if self._plan is None:
+            return MOST
+        if fleet.kernels is not None:
+            fleet.kernels.everybody(fleet.state)
+        return min([tally.uncounted for tally in self._tallies])
+
+    def _stamp_now(self) -> tuple[int, ...]:
+        fleet = self._fleet
+        code = fleet.kernels.ready if fleet.kernels is not None else 0
+        return fleet.state.turns, fleet.state.layouts, fleet.memory.statistics.changes, code
+
+    def _look(self) -> bool:
+        """Find out which rules there are now. False if there is more than native code to be evaluated."""
         fleet, state = self._fleet, self._fleet.state
-        statistics = fleet.memory.statistics
-        busy = not fleet.inbox.empty or not fleet.outbox.empty or fleet.measured or statistics.leases
-        if busy or state.one_mind is None or not fleet.authority.idle:
-            return 0
-        if fleet.scheduler.left_over or fleet.rests:
-            return 0
+        self._stamp, self._settled = None, False
+        if state.one_mind is None or fleet.measured:
+            return False
         mind = fleet.minds[state.one_mind]
         if not mind.running:
-            self._plan, self._rules, self._bindings = None, NOTHING, []
-            return MOST if not self._pending({}) else 0
-        plan = fleet.kernels.known_plan(mind) if fleet.kernels is not None else None
-        if plan is None or not self._bound(plan):
-            return 0
-        return min(statistics[key].uncounted for key in plan.keys)
+            self._plan, self._rules, self._assigned = None, NOTHING, frozenset()
+        else:
+            plan = fleet.kernels.known_plan(mind) if fleet.kernels is not None else None
+            if plan is None or not self._bound(plan):
+                return False
+            self._plan, self._rules = plan, self._of(plan)
+            self._assigned = frozenset(slot for kernel in _kernels(plan) for slot in kernel.actuators)
+            self._tallies = [fleet.memory.statistics[key] for key in plan.keys]
+        self._stamp = self._stamp_now()
+        return True
 
     @property
     def awake(self) -> bool:
@@ -84,20 +109,14 @@ class QuietMinds:
     def _bound(self, plan: SequencePlan) -> bool:
         """Let the native code of a plan read and write the columns as they are now. False if it cannot."""
         state, scheduler, kernels = self._fleet.state, self._fleet.scheduler, self._fleet.kernels
-        if plan is not self._plan and not self._suits(plan):
+        if kernels is None or not self._suits(plan) or not scheduler.affordable(plan):
             return False
-        if not scheduler.affordable(plan) or kernels is None:
-            return False
-        part, done, bindings = kernels.everybody(state), 0, []
+        part, done = kernels.everybody(state), 0
         for leg, kernel in zip(plan.legs, _kernels(plan), strict=True):
             if not kernel.bind(state, part, scheduler.sinks(plan.keys[done : done + leg.rules], kernel)):
                 return False
             done += leg.rules
-            bindings.append(kernel.bindings)
-        if plan is not self._plan or bindings != self._bindings:
-            self._plan, self._bindings, self._rules = plan, bindings, self._of(plan)
-        actuators = {slot: places for kernel in _kernels(plan) for slot, places in kernel.actuators.items()}
-        return not self._pending(actuators)
+        return True
 
     def _suits(self, plan: SequencePlan) -> bool:
         """Whether rules change nothing that matters to other parts of a tick than the bodies' actuators."""
@@ -108,9 +127,9 @@ class QuietMinds:
             return False
         return not any(each.writes(watched) or each.pings or each.lanes > count for each in kernels)
 
-    def _pending(self, but: dict[int, tuple[int, int]]) -> bool:
-        """Whether any other actuator was assigned."""
-        return any(robots.any() for slot, robots in self._fleet.state.actuated.items() if slot not in but)
+    def _pending(self) -> bool:
+        """Whether any actuator was assigned that rules do not assign."""
+        return any(robots.any() for slot, robots in self._fleet.state.actuated.items() if slot not in self._assigned)
 
     def _of(self, plan: SequencePlan) -> QuietRules:
         fleet, state, kernels = self._fleet, self._fleet.state, _kernels(plan)
@@ -136,10 +155,14 @@ class QuietMinds:
         plan = self._plan
         if plan is None or not ticks:
             return
-        highest = dict(zip(_entering(plan), most, strict=True))
-        bounds = [steps for kernel in _kernels(plan) for steps in kernel.steps]
-        for key, steps in zip(plan.keys, bounds, strict=True):
-            self._fleet.memory.statistics[key].ran_often(steps, ticks, highest.get(key))
+        for tally in self._tallies:
+            tally.ran_often(ticks)
+        if most or not self._settled:
+            self._settled = True
+            highest = dict(zip(_entering(plan), most, strict=True))
+            bounds = [steps for kernel in _kernels(plan) for steps in kernel.steps]
+            for key, tally, steps in zip(plan.keys, self._tallies, bounds, strict=True):
+                tally.ran_alike(steps, highest.get(key))
 
     def at(self, tick: int, now: float) -> None:
         """The last tick has this number, and ends at `now` (s)."""

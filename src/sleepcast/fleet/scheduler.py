@@ -269,6 +269,7 @@ class BatchScheduler:
     def _tally(self, key: str, rows: Rows, values: NDArray[np.float64], steps: NDArray[np.int32] | int) -> None:
         """Record the result of the evaluation; a rule with nothing but faults is deactivated."""
         memory, tally = self._memory, self._memory.statistics[key]
+        memory.statistics.changes += 1
         first = memory.first_faults()
         faulted = np.zeros(rows.size, np.bool_)
         if first:

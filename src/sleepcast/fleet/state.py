@@ -122,6 +122,7 @@ class FleetState(ValueColumns):
         """Which robots have assigned an actuator."""
         robots = self.actuated.get(slot)
         if robots is None:
+            self.layouts += 1
             robots = self.actuated[slot] = filled(0, np.bool_, self.count)
         return robots
 

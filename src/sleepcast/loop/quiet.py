@@ -16,7 +16,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from math import inf
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol
 
 from sleepcast.channel import Message
 from sleepcast.channel.simulated_radio import Radio
@@ -34,13 +34,6 @@ LONGEST = 20_000
 """Robots times ticks of one call at most: some hundredths of a second, in which nothing can interrupt it."""
 SHARED = 1_000
 """Robots from which on several threads make a tick sooner than compiled code on one."""
-
-
-@runtime_checkable
-class Patient(Protocol):
-    """A witness that need not see each tick. patient: whether it is."""
-
-    patient: bool
 
 
 class QuietDesk(Protocol):
@@ -101,6 +94,9 @@ class QuietWorld:
         self._most = max(1, LONGEST // len(swarm.fleet))
         self._alone: WorldTable | None = None
         self._told: object = None
+        self._asked: frozenset[int] = frozenset()
+        self._reports = False
+        """Whether the last tick has anything to report."""
         self.ticks = 0
 
     def make(self, most: int) -> int:
@@ -135,7 +131,7 @@ class QuietWorld:
         swarm = self._swarm
         if swarm.posted or swarm.senders or self.block is None or not self.block.suits:
             return 0
-        if not all(isinstance(each, Patient) and each.patient for each in swarm.witnesses):
+        if not all(getattr(each, "patient", False) for each in swarm.witnesses):
             return 0
         now = swarm.simulator.tick
         most = min(most, self._most, self._before_orders(now), self._before_messages(now), self._before_reports(now))
@@ -162,10 +158,10 @@ class QuietWorld:
 
     def _before_reports(self, now: int) -> int:
         """Ticks up to the next one that has something to report: at least 1."""
-        swarm, ticks = self._swarm, [self._most]
-        if swarm.desks:
+        swarm, ticks, desks = self._swarm, [self._most], self._swarm.desks
+        if desks:
             ticks.append(swarm.telemetry_ticks - now % swarm.telemetry_ticks)
-        for desk in swarm.desks:
+        for desk in desks:
             if desk.next_due < inf:
                 ticks.append(max(1, int(desk.next_due / self._tick) - 1 - now))
         if swarm.simulator.scenario.measures:
@@ -187,11 +183,13 @@ class QuietWorld:
         if minds.rules is not self._told:
             self._told = minds.rules
             block.think(*minds.rules)
-        asked = swarm.sonars & minds.reads() if minds.awake else frozenset[int]()
-        block.listen(swarm.rows_of(asked))
+            self._asked = swarm.sonars & minds.reads() if minds.awake else frozenset()
+            block.listen(swarm.rows_of(self._asked))
         block.prepare()
-        sampled = bool(swarm.desks) and (swarm.simulator.tick + ticks) % swarm.telemetry_ticks == 0
-        block.begin(ticks, sampled and bool(swarm.sonars) and (bool(asked) or swarm.radio.reaches_all))
+        desks = swarm.desks
+        sampled = bool(desks) and (swarm.simulator.tick + ticks) % swarm.telemetry_ticks == 0
+        self._reports = sampled or any(desk.next_due < inf for desk in desks)
+        block.begin(ticks, sampled and bool(swarm.sonars) and (bool(self._asked) or swarm.radio.reaches_all))
         return ticks
 
     def cancel(self) -> None:
@@ -219,7 +217,8 @@ class QuietWorld:
         swarm.thought = self._everybody if minds.awake else self._nobody
         if simulator.scenario.measures:
             simulator.measuring.observe(simulator.tick, simulator.time)
-        swarm.report()
+        if trouble is not None or self._reports:
+            swarm.report()
         swarm.whole = True
         for witness in swarm.witnesses:
             witness.ticked()

@@ -134,8 +134,8 @@ class Desk(Protocol):
 
 
 class Witness(Protocol):
-    """An observer that changes nothing: a recording. Of quiet ticks that are made at once, one that `loop.quiet` calls
-    patient sees the beginning of the first and the end of the last."""
+    """An observer that changes nothing: a recording. Of quiet ticks that are made at once, one whose
+    attribute `patient` is true sees the beginning of the first and the end of the last."""
 
     def ticking(self) -> None:
         """A tick begins."""

@@ -129,6 +129,11 @@ class Kernels:
             plan.native = any(leg.kernel is not None for leg in plan.legs)
         return plan if plan.native else None
 
+    @property
+    def ready(self) -> int:
+        """How many pieces of native code have become ready."""
+        return self._ready
+
     def known_plan(self, mind: Mind) -> SequencePlan | None:
         """The plan of a mind if native code evaluates all of its rules, as it is now; None otherwise."""
         plan = self._of_mind.get(mind)

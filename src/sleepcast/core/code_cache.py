@@ -1,19 +1,18 @@
-"""Native code that outlives a process: one private folder for each kind of it, in the user's cache folder.
+"""Native code that outlives a process: one private folder for each kind of it, in the user's cache folder. LLVM
+links what was kept there.
 
 What lies there is run, so a folder or a file counts only if nobody but this user (or root) can write to it. It is
 opened once, judged, and then used through its descriptor, so that it cannot be replaced meanwhile.
 Each file opens with a digest of its name and of what follows: one that was cut short or damaged is no file.
 
-Nothing here ever fails: code that cannot be kept, for want of room or of permission, is made again by the next process.
+Keeping code never fails: what cannot be kept, for want of room or of permission, is made again by the next process.
 """
 
 from __future__ import annotations
 
 import os
-import platform
-import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
 from hashlib import sha256
@@ -21,8 +20,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from secrets import token_hex
 from stat import S_ISDIR, S_ISREG, S_IWGRP, S_IWOTH
+from typing import TYPE_CHECKING, Any
 
 from sleepcast.core.files import cache_folder
+
+if TYPE_CHECKING:
+    from llvmlite.binding import TargetMachine
 
 MAX_BYTES = 32 * 1024 * 1024
 """Bytes of one kind of code at most; what was not used for longest goes first. All kernels of one version take some 3
@@ -87,24 +90,51 @@ class CodeCache:
         return False
 
 
-CPU, CPU_BYTES = "/proc/cpuinfo", 16_384
-"""Where Linux tells of its processors, and in how many bytes it has told of the first one."""
-CPU_KEYS = ("vendor_id", "cpu family", "model", "stepping", "flags", "Features", "CPU ")
-"""What of it code may depend on, on processors of several families."""
+class LinkedCode:
+    """Machine code in memory, ready to run; it is there as long as this object.
+
+    objects: object files, as LLVM makes them for code that it runs itself
+    others: addresses of names that none of them has. What is not among these must be in the process: LLVM ends it over
+        a name that nobody has
+    """
+
+    def __init__(self, objects: Sequence[bytes], others: Mapping[str, int] | None = None) -> None:
+        from llvmlite import binding
+
+        for name, address in (others or {}).items():
+            binding.add_symbol(name, address)
+        self._engine: Any = binding.create_mcjit_compiler(binding.parse_assembly(""), target_machine())
+        for code in objects:
+            self._engine.add_object_file(binding.ObjectFileRef.from_data(code))
+        self._engine.finalize_object()
+
+    def address(self, name: str) -> int:
+        """Where the function of this name begins."""
+        return int(self._engine.get_function_address(name))
+
+
+def target_machine(level: int = 2) -> TargetMachine:
+    """What makes code for this processor, optimised to this level."""
+    from llvmlite import binding
+
+    triple, name, features = _here()
+    target = binding.Target.from_triple(triple)
+    return target.create_target_machine(cpu=name, features=features, opt=level, jit=True)
+
+
+def processor() -> str:
+    """What machine code for this processor depends on."""
+    return "\n".join(_here())
 
 
 @cache
-def processor() -> str:
-    """What machine code for this processor depends on. Loads no LLVM where the system tells as much."""
-    with suppress(OSError), open(CPU, "rb") as file:
-        first = file.read(CPU_BYTES).decode(errors="replace").split("\n\n")[0]
-        lines = [line for line in first.splitlines() if line.startswith(CPU_KEYS)]
-        if len(lines) >= 4:
-            return "\n".join([sys.platform, platform.machine(), *lines])
+def _here() -> tuple[str, str, str]:
+    """This system, its processor, and what that can do, in LLVM's words; LLVM can make code for them from then on."""
     from llvmlite import binding
 
-    name, features = binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()
-    return "\n".join([binding.get_process_triple(), name, features])
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
+    return binding.get_process_triple(), binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()
 
 
 def version_of(library: str) -> bytes:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from sleepcast.core.code_cache import target_machine
 from sleepcast.simulator.simd import addresses
 from sleepcast.simulator.simd.cached import ENTRIES, identity
 
@@ -51,7 +52,7 @@ def test_without_numba_there_are_none(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_code_that_calls_what_is_not_in_every_process_is_none() -> None:
     """Linking it would end the process."""
     binding = pytest.importorskip("llvmlite.binding")
-    target = addresses._target()
+    target = target_machine()
     for called, usable in (("memset", True), ("nowhere", False)):
         text = f"declare ptr @{called}(ptr)\ndefine ptr @f(ptr %a) {{\n%b = call ptr @{called}(ptr %a)\nret ptr %b\n}}"
         assert (addresses._object(binding.parse_assembly(text), target) is not None) == usable

@@ -27,10 +27,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.columns.values import Column, Rows
-from sleepcast.core.code_cache import CodeCache, processor, version_of
+from sleepcast.core.code_cache import CodeCache, LinkedCode, processor, target_machine, version_of
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import BodyColumn, HostFunction, NativeCall
-from sleepcast.core.object_code import linked
 from sleepcast.core.threads import ThreadPool, borders
 from sleepcast.fleet.native import libm
 from sleepcast.fleet.native.assembly import Assembly
@@ -473,7 +472,7 @@ def _compiled(text: str) -> NativeCode:
             code = _object_of(text)
             CACHE.save(name, code)
         called = {symbol: libm.address(each) or 0 for each in libm.NAMES if (symbol := libm.symbol(each)) in text}
-        loop = linked((code,), called)
+        loop = LinkedCode((code,), called)
     address = loop.address("round")
     types = ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p
     return NativeCode(address, ctypes.CFUNCTYPE(ctypes.c_int64, *types)(address), loop)
@@ -489,12 +488,7 @@ def _object_of(text: str) -> bytes:
     """The object file of a module's text."""
     from llvmlite import binding
 
-    binding.initialize_native_target()
-    binding.initialize_native_asmprinter()
-    target = binding.Target.from_triple(binding.get_process_triple()).create_target_machine(
-        cpu=binding.get_host_cpu_name(), features=binding.get_host_cpu_features().flatten(), opt=2, jit=True
-    )
-    return _optimised(binding.parse_assembly(text), target)
+    return _optimised(binding.parse_assembly(text), target_machine())
 
 
 def _optimised(module: ModuleRef, target: TargetMachine) -> bytes:

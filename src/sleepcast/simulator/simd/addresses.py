@@ -13,7 +13,7 @@ from importlib.util import find_spec
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
-from sleepcast.core.object_code import Linked, linked
+from sleepcast.core.code_cache import LinkedCode, target_machine
 from sleepcast.simulator.simd.cached import ENTRIES, ROOM_NAME, identity
 
 if TYPE_CHECKING:
@@ -39,30 +39,19 @@ def addresses() -> Mapping[str, int] | None:
     return None if loaded is None else loaded[1]
 
 
-def _target() -> TargetMachine:
-    """This processor, for which code is made."""
-    from llvmlite import binding
-
-    binding.initialize_native_target()
-    binding.initialize_native_asmprinter()
-    processor, features = binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()
-    target = binding.Target.from_triple(binding.get_process_triple())
-    return target.create_target_machine(cpu=processor, features=features, opt=3, jit=True)
-
-
 @cache
-def _loaded() -> tuple[Linked, Mapping[str, int]] | None:
+def _loaded() -> tuple[LinkedCode, Mapping[str, int]] | None:
     """The code, and where each kernel is in it."""
     if find_spec("numba") is None or find_spec("llvmlite") is None:
         return None
     name = f"{identity()}-by-address"
     code = ENTRIES.load(name)
     if code is None:
-        code = _made(_target())
+        code = _made(target_machine(3))
         if code is None:
             return None
         ENTRIES.save(name, code)
-    loaded = linked((code,), {})
+    loaded = LinkedCode((code,))
     return loaded, {each: loaded.address(f"sleepcast_{each}") for each in SIGNATURES}
 
 

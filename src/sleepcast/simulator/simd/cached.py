@@ -12,7 +12,6 @@ import ctypes
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
 from functools import cache
 from hashlib import sha256
 from importlib import import_module
@@ -23,8 +22,7 @@ from typing import Any, TypeAlias
 import msgspec
 import numpy as np
 
-from sleepcast.core.code_cache import CodeCache, processor, version_of
-from sleepcast.core.object_code import UnlinkableError, in_process, linked
+from sleepcast.core.code_cache import CodeCache, LinkedCode, processor, version_of
 
 Call: TypeAlias = Callable[[tuple[Any, ...]], Any]
 
@@ -109,7 +107,7 @@ class CachedKernel:
         """The address of the kernel's own function for arguments of these types, with numba's convention of calling:
         for other compiled code."""
         for entry in self.entries if self.entries is not None else self._load():
-            result = entry.address(arguments)  # type: ignore[attr-defined]  # see `linked`
+            result = entry.address(arguments)  # type: ignore[attr-defined]  # see `linked_entry`
             if result is not NotImplemented:
                 return int(result)
         kernel: Any = self._other()
@@ -158,14 +156,13 @@ def _entries(module: str, name: str) -> Iterator[Call]:
 
 def all_in_process(functions: Sequence[str]) -> bool:
     """Whether this process has functions of these names for everybody."""
-    with suppress(UnlinkableError):
-        return all(in_process(name) for name in functions)
-    return False
+    process = ctypes.CDLL(None)
+    return all(hasattr(process, name) for name in functions)
 
 
 def linked_entry(piece: EntryPiece) -> Call:
     """The entry of a piece, ready to be called."""
-    code = linked((piece.kernel, piece.entry), {})
+    code = LinkedCode((piece.kernel, piece.entry))
     kind = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.py_object, ctypes.c_void_p)
     function, address = (kind(code.address(name)) for name in ("entry", "address"))
     objects = [_needed(name) for name in piece.needs]

@@ -41,6 +41,23 @@ class TestEqual:
             alone.run(4, quiet=True).send("(WHEN (> fuel 50%) (JOIN bravo))", wait=0)
             assert alone.run(3, quiet=True).snapshot() == together[number].snapshot()
 
+    def test_worlds_of_a_point_have_their_programs_in_common(self) -> None:
+        together = worlds(threads=1)
+        together.send("(RULE home (WHEN (> fuel 5%) (JOIN full)))", everybody=True, wait=3)
+        first, second, other, _ = (each.swarm for each in together)
+        assert first.vocabulary.first is second.vocabulary.first is not other.vocabulary.first
+        assert first.vocabulary.user_slots is not second.vocabulary.user_slots
+        kept, again = (swarm.fleet.memory.mind_of(0).running[0].program for swarm in (first, second))
+        assert kept is again
+
+    def test_worlds_of_a_text_equal_the_run_alone(self) -> None:
+        limits = "limits = {speed = '1m/s', acceleration = '1m/s2', turn_rate = 1}"
+        robots = f"[robots]\ntype = 'rover'\ncount = 3\n{limits}\nbody = {{radius = 0.1}}"
+        text = f"format = 1\ntitle = 'A hall'\nseconds = 9\n{robots}\n[world]\nwidth = '9m'\nheight = '9m'\n"
+        together = sc.open_many(text, seeds=2, quiet=True).run(2, quiet=True)
+        for number in (0, 1):
+            assert sc.open(text, seed=number + 1).run(2).snapshot() == together[number].snapshot()
+
     def test_a_world_that_went_ahead_waits_for_the_others(self) -> None:
         together = worlds()
         together[1].run(2, quiet=True)

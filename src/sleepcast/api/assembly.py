@@ -22,10 +22,18 @@ FEW, WARM_TICKS = 12, 3
 
 class Common:
     """What swarms have in common whose scenarios are the same but for their seeds and walls: what was checked and
-    compiled for the robots of the one is not compiled again for the next. There is no other difference."""
+    compiled for the robots of the one is not compiled again for the next. There is no other difference.
 
-    def __init__(self) -> None:
+    scenario: of any of them.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._alike = _anywhere(scenario)
         self._first: Vocabulary | None = None
+
+    def suits(self, scenario: Scenario) -> bool:
+        """Whether this is for the swarms of a scenario."""
+        return _anywhere(scenario) == self._alike
 
     def vocabulary_of(self, model: RobotModel) -> Vocabulary:
         """The vocabulary of the next swarm, whose robots are of this model."""
@@ -35,6 +43,11 @@ class Common:
             )
             self._first = vocabulary_of(replace(model, functions=bodiless))  # nothing of the first swarm is held on to
         return self._first.anew(model.functions)
+
+
+def _anywhere(scenario: Scenario) -> Scenario:
+    """A scenario without what depends on its seed."""
+    return replace(scenario, seed=0, shapes=(), origin="")
 
 
 def _of_nobody(*_: object) -> float:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.api.assembly import assemble, assemble_from, warm_up
+from sleepcast.api.assembly import Common, assemble, assemble_from, warm_up
 from sleepcast.api.commands import Fleet, read_only
 from sleepcast.api.history import History
 from sleepcast.api.mission import Mission
@@ -29,7 +29,7 @@ from sleepcast.language.evaluate import is_true
 from sleepcast.loop import Swarm, load, save, snapshot
 from sleepcast.loop.mission import MissionLog
 from sleepcast.loop.rerun import InputLog
-from sleepcast.simulator import Changes, Scenario, World, find_scenario, read_scenario
+from sleepcast.simulator import Changes, Payload, Scenario, World, find_scenario, read_scenario
 from sleepcast.simulator.scenario.mission import Instruction, Order
 from sleepcast.simulator.scenario.robot_settings import MAX_TIME
 from sleepcast.station import Command, Station
@@ -398,10 +398,24 @@ def open(
     threads: None is one for each core; any number gives the same bits.
     """
     count, payload = (None, payload_of(robots)) if isinstance(robots, type | str) else (robots, None)
-    changes = Changes(count, area_per_robot, walls, seed, _changed(over))
+    changes = Changes(count, area_per_robot, walls, seed, changed(over))
     chosen = _chosen(scenario, changes)
-    warm_up(chosen, threads)
-    fleet = SimulatedFleet(*assemble(chosen, changes.seed, mission=mission, threads=threads, payload=payload))
+    return opened(chosen, changes.seed, mission=mission, threads=threads, payload=payload)
+
+
+def opened(
+    scenario: Scenario,
+    seed: int | None,
+    *,
+    mission: bool,
+    threads: int | None,
+    payload: Payload | None = None,
+    common: Common | None = None,
+) -> SimulatedFleet:
+    """The fleet that `open` gives in this scenario, see `assemble`."""
+    warm_up(scenario, threads)
+    parts = assemble(scenario, seed, mission=mission, threads=threads, payload=payload, common=common)
+    fleet = SimulatedFleet(*parts)
     fleet._watch_inputs()
     return fleet
 
@@ -416,7 +430,7 @@ def _chosen(scenario: str | PathLike[str] | Scenario, changes: Changes) -> Scena
     return find_scenario(fspath(scenario), changes)
 
 
-def _changed(over: Mapping[str, object] | None) -> tuple[tuple[str, object], ...]:
+def changed(over: Mapping[str, object] | None) -> tuple[tuple[str, object], ...]:
     """The keys that a caller changes; NumPy's single values are plain ones. Raises MisuseError for what names none."""
     if not isinstance(over or {}, Mapping):
         raise MisuseError(f'over {over!r:.80}: wanted keys with what they say instead, such as {{"radio.loss": 0.3}}')

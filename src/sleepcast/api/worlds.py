@@ -8,15 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
+from dataclasses import replace
 from itertools import product
 from math import ceil, prod
-from os import PathLike
-from typing import NamedTuple, Self
+from os import PathLike, fspath
+from typing import NamedTuple, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.api.fleet import SimulatedFleet, open
+from sleepcast.api.assembly import Common
+from sleepcast.api.fleet import SimulatedFleet, changed, open, opened
 from sleepcast.api.history import History
 from sleepcast.api.progress import steps
 from sleepcast.api.results import CommandResult
@@ -26,6 +28,7 @@ from sleepcast.core.given_numbers import in_seconds, read_seconds, read_seed, wh
 from sleepcast.core.threads import ThreadPool
 from sleepcast.core.ticks import nearest_ticks
 from sleepcast.loop.swarm import MAX_MINDS
+from sleepcast.simulator import Changes, ScenarioOfSeeds
 from sleepcast.simulator.engine import MAX_THREADS, cores
 from sleepcast.simulator.scenario.robot_settings import MAX_TIME
 
@@ -347,7 +350,7 @@ def open_many(
     The rest: see `open`.
     """
 
-    def opened(plan: WorldPlan) -> SimulatedFleet:
+    def with_payload(plan: WorldPlan) -> SimulatedFleet:
         return open(
             scenario,
             seed=plan.seed,
@@ -360,7 +363,32 @@ def open_many(
         )
 
     at_once = cores() if threads is None else whole_number(threads, "threads", 1, MAX_THREADS)
-    return Worlds(_plans(seeds, over or {}), opened, at_once, quiet=quiet)
+    added = isinstance(robots, type | str)
+    usual = Changes(None if added else cast("int | None", robots), area_per_robot, walls)
+    each = with_payload if added else _Opener(fspath(scenario), usual, mission=mission).opened
+    return Worlds(_plans(seeds, over or {}), each, at_once, quiet=quiet)
+
+
+class _Opener:
+    """Opens worlds of one scenario, of which those of a point that follow each other have much in common.
+
+    changes: of all worlds.
+    """
+
+    def __init__(self, scenario: str, changes: Changes, *, mission: bool) -> None:
+        self._scenario, self._changes, self._mission = scenario, changes, mission
+        self._point: tuple[Mapping[str, object], ScenarioOfSeeds] | None = None
+        self._common: Common | None = None
+
+    def opened(self, plan: WorldPlan) -> SimulatedFleet:
+        """A world. Raises what `open` raises."""
+        if self._point is None or self._point[0] is not plan.over:
+            changes = replace(self._changes, over=changed(plan.over))
+            self._point, self._common = (plan.over, ScenarioOfSeeds(self._scenario, changes)), None
+        scenario = self._point[1][plan.seed]
+        if self._common is None or not self._common.suits(scenario):
+            self._common = Common(scenario)
+        return opened(scenario, plan.seed, mission=self._mission, threads=1, common=self._common)
 
 
 def _plans(seeds: int | Iterable[int], over: Mapping[str, object]) -> list[WorldPlan]:

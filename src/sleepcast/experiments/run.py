@@ -136,7 +136,6 @@ class _Point:
     def __init__(self, experiment: Experiment, run: PlannedRun) -> None:
         self._experiment = experiment
         self._scenarios = ScenarioOfSeeds(experiment.scenario, Changes(over=tuple(run.point.items())))
-        self._last: Scenario | None = None
         self._common: Common | None = None
         self._orders: tuple[Order, ...] = ()
         """Of the last scenario: what its robots have in common with the next one's, and what the desk sends."""
@@ -144,17 +143,12 @@ class _Point:
     def opened(self, seed: int) -> SimulatedFleet:
         """See `Runner.opened`."""
         scenario = self._scenarios[seed]
-        if self._last is None or not _alike(scenario, self._last):
-            self._last, self._common = scenario, Common()
+        if self._common is None or not self._common.suits(scenario):
+            self._common = Common(scenario)
             self._orders = orders_of(self._experiment, scenario)
         warm_up(scenario, 1, quiet=True)
         scenario = replace(scenario, mission=self._orders)
         return SimulatedFleet(*assemble(scenario, seed, mission=True, threads=1, common=self._common))
-
-
-def _alike(scenario: Scenario, other: Scenario) -> bool:
-    """Whether two scenarios are the same but for their seeds and walls."""
-    return replace(scenario, seed=0, shapes=(), origin="") == replace(other, seed=0, shapes=(), origin="")
 
 
 def do(experiment: Experiment, run: PlannedRun) -> RunResult:

@@ -425,20 +425,22 @@ class ScenarioOfSeeds:
     """The scenario that `find_scenario` gives with these changes, for one seed after the other. Its file is read once,
     and again for each seed only where its walls are drawn by chance. Raises what `find_scenario` raises.
 
+    name: or TOML text, of more than a line; then what `read_scenario` gives and raises
     changes: without a seed
     """
 
     def __init__(self, name: str, changes: Changes = Changes()) -> None:  # noqa: B008  # frozen: nobody can change it
         self._name, self._changes = name, changes
+        self._text = name if "\n" in name else None
         self._read: tuple[Scenario, bool] | None = None
 
     def __getitem__(self, seed: int) -> Scenario:
         changes = replace(self._changes, seed=seed)
         if self._read is None or self._read[1]:
-            place = _place(self._name)
-            self._read = _read(*_file_of(place), changes)
-        scenario, _ = self._read
-        return replace(scenario, seed=seed, origin=written_origin(self._name, changes))
+            named = (Path(FILE), "scenario") if self._text is not None else _file_of(_place(self._name))
+            self._read = _read(*named, changes, self._text)
+        scenario = replace(self._read[0], seed=seed)
+        return replace(scenario, origin=written_origin(self._name, changes)) if self._text is None else scenario
 
 
 def is_scenario_file(file: Path) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -200,6 +201,30 @@ def test_any_chunks_come_to_the_same(chunks: list[tuple[int, str]]) -> None:
                 each.values_of("(+ x front_range)")
             how(each, ticks)
     assert snapshot(swarm) == snapshot(expected)
+
+
+def test_a_run_without_commands_ends_with_the_same_snapshot() -> None:
+    expected, swarm = (swarm_of(replace(few("crowd"), mission=()), 3, 1) for _ in range(2))
+    singly(expected, LAST)
+    at_once(swarm, LAST)
+    assert swarm.quiet.ticks == LAST
+    assert snapshot(swarm) == snapshot(expected)
+
+
+def test_a_snapshot_does_not_depend_on_when_native_code_was_ready() -> None:
+    def told(how: Callable[[Swarm, int], None]) -> bytes:
+        swarm = swarm_of(replace(few("crowd", 8), mission=()), 3, 1)
+        swarm.step()
+        desk_of(swarm).send("(RULE rare (WHEN (< x -1km) (SETQ drive_turn 1)))", everybody=True)
+        how(swarm, LAST)
+        return snapshot(swarm)
+
+    def walked(swarm: Swarm, ticks: int) -> None:
+        assert swarm.fleet.kernels is not None
+        swarm.fleet.memory.kernels = None
+        singly(swarm, ticks)
+
+    assert told(at_once) == told(walked)
 
 
 def test_numpy_alone_makes_no_quiet_ticks() -> None:

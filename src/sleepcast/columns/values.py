@@ -312,13 +312,18 @@ class ValueColumns(Columns):
     # ---- saving and restoring
 
     def values(self) -> ValuesState:
-        """The variables that are not stored elsewhere, and the groups."""
-        columns = {
-            slot: Array.of(column)
-            for slot, column in enumerate(self._columns)
-            if column is not None and slot not in self._shared
-        }
-        return ValuesState(list(self._same), columns, dump_arrays(self.groups))
+        """The variables that are not stored elsewhere, and the groups. Equal values give equal states, whether native
+        code has needed a column of them or not."""
+        same, columns = list(self._same), dict[int, Array]()
+        for slot, column in enumerate(self._columns):
+            if column is None or slot in self._shared:
+                continue
+            bits = column.view(np.int64)
+            alike = bool((bits == bits[0]).all())
+            same[slot] = float(column[0]) if alike else nan
+            if not alike:
+                columns[slot] = Array.of(column)
+        return ValuesState(same, columns, dump_arrays(self.groups))
 
     def refill(self, state: ValuesState) -> None:
         """Restore saved values. Raises SerialError if they are of another fleet."""

@@ -23,8 +23,8 @@ Value = TypeVar("Value")
 
 
 class ColumnsState(msgspec.Struct):
-    """`FleetState`: its values, its arrays by name, which robots have assigned each actuator (by slot), and the latches
-    with each robot's index into them (`orders`)."""
+    """`FleetState`: its values, its arrays by name, which robots have assigned each actuator (by slot, where any has),
+    and the latches with each robot's index into them (`orders`)."""
 
     values: ValuesState
     arrays: Arrays

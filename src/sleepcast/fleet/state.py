@@ -130,7 +130,7 @@ class FleetState(ValueColumns):
 
     def state(self) -> ColumnsState:
         """Everything except the random streams, which follow from the seed."""
-        actuated = {slot: Array.of(robots) for slot, robots in self.actuated.items()}
+        actuated = {slot: Array.of(robots) for slot, robots in sorted(self.actuated.items()) if robots.any()}
         return ColumnsState(
             self.values(),
             dump_arrays(self._arrays()),

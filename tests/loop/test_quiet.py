@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from math import inf
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sleepcast.api.assembly import assemble
 from sleepcast.columns.values import Rows
 from sleepcast.fleet.native.kernels import SequencePlan
 from sleepcast.loop import Swarm, snapshot, step_swarm
 from sleepcast.loop.quiet import QuietTicks
 from sleepcast.simulator import Changes, Scenario, Simulator, choose, find_scenario, scenario_names
+from sleepcast.station import JournalEvent
 from swarms import ORDERS, RELEASE, STOP, desk_of, station_of, swarm_of
 
 pytest.importorskip("numba")
@@ -201,6 +204,25 @@ def test_any_chunks_come_to_the_same(chunks: list[tuple[int, str]]) -> None:
                 each.values_of("(+ x front_range)")
             how(each, ticks)
     assert snapshot(swarm) == snapshot(expected)
+
+
+@pytest.mark.parametrize("lease", [inf, 1.0])
+def test_a_desk_that_drives_repeats_what_is_not_confirmed(lease: float) -> None:
+    """Whether or not robots want to hear of their operator all the time."""
+
+    def stopped(how: Callable[[Swarm, int], None]) -> bytes:
+        whole = few("crowd", 8, (("radio.loss", 0.7),))
+        scenario = replace(whole, mission=(), minds=replace(whole.minds, lease=lease))
+        swarm, desk = assemble(scenario, 3, mission=False, threads=1)
+        desk.hold(True)
+        how(swarm, 20)
+        desk.stop()
+        how(swarm, LAST)
+        repeats = [each for each in desk.journal.entries() if each.event is JournalEvent.REPEATED]
+        assert len(repeats) > 1
+        return snapshot(swarm)
+
+    assert stopped(at_once) == stopped(singly)
 
 
 def test_a_run_without_commands_ends_with_the_same_snapshot() -> None:

@@ -162,8 +162,9 @@ class QuietWorld:
         if desks:
             ticks.append(swarm.telemetry_ticks - now % swarm.telemetry_ticks)
         for desk in desks:
-            if desk.next_due < inf:
-                ticks.append(max(1, int(desk.next_due / self._tick) - 1 - now))
+            due = max(0.0, desk.next_due)  # one that has never sent a heartbeat is overdue since -inf
+            if due < inf:
+                ticks.append(max(1, int(due / self._tick) - 1 - now))
         if swarm.simulator.scenario.measures:
             following = swarm.simulator.measuring.following(now)
             ticks += [] if following is None else [following - now]

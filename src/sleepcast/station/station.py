@@ -454,7 +454,7 @@ class Station:
     @property
     def next_due(self) -> float:
         """Before when `attend` has nothing to do, s of the desk's clock, as long as nothing is heard."""
-        return min(self._beat + self._heartbeat if self.holding else inf, self._sent.next_repeat)
+        return min(self._sent.next_repeat, self._beat + self._heartbeat if self.holding else inf)  # NaN is never less
 
     def _broadcast(
         self,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import inf
 
@@ -16,6 +16,7 @@ from sleepcast.fleet.native.kernels import SequencePlan
 from sleepcast.loop import Swarm, snapshot, step_swarm
 from sleepcast.loop.quiet import QuietTicks
 from sleepcast.simulator import Changes, Scenario, Simulator, choose, find_scenario, scenario_names
+from sleepcast.simulator.quiet.blocks import WorldTable
 from sleepcast.station import JournalEvent
 from swarms import ORDERS, RELEASE, STOP, desk_of, station_of, swarm_of
 
@@ -247,6 +248,47 @@ def test_a_snapshot_does_not_depend_on_when_native_code_was_ready() -> None:
         singly(swarm, ticks)
 
     assert told(at_once) == told(walked)
+
+
+@pytest.mark.parametrize("early", [False, True])
+def test_ctrl_c_ends_a_call_between_two_ticks(monkeypatch: pytest.MonkeyPatch, early: bool) -> None:
+    """It waits for compiled code, so that is where it comes nearly always."""
+    made = WorldTable.make
+
+    def interrupted(table: WorldTable, which: Sequence[int]) -> None:
+        if not early:
+            made(table, which)
+        raise KeyboardInterrupt
+
+    alone, together, expected = (swarm_of(few("crowd", 9), 3, 1) for _ in range(3))
+    for swarm in (alone, together, expected):
+        at_once(swarm, 13)
+    with monkeypatch.context() as patch:
+        patch.setattr(WorldTable, "make", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            alone.advance(5)
+        with pytest.raises(KeyboardInterrupt):
+            QuietTicks([together]).step(5)
+    for swarm in (alone, together):
+        assert swarm.whole
+        at_once(swarm, LAST - swarm.simulator.tick)
+    singly(expected, LAST - 13)
+    assert snapshot(alone) == snapshot(expected)
+    assert snapshot(together) == snapshot(expected)
+
+
+def test_what_goes_wrong_in_one_world_leaves_the_others_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second, expected = (swarm_of(few("crowd", 9), 3, 1) for _ in range(3))
+    for swarm in (first, second, expected):
+        at_once(swarm, 13)
+    with monkeypatch.context() as patch:
+        patch.setattr(first.fleet, "end_round", lambda _: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            QuietTicks([first, second]).step(5)
+    singly(expected, second.simulator.tick - 13)
+    assert not first.whole
+    assert second.whole
+    assert snapshot(second) == snapshot(expected)
 
 
 def test_numpy_alone_makes_no_quiet_ticks() -> None:

@@ -76,10 +76,19 @@ class Job(Generic[Result]):
         if self._look is not None and not self._over():
             self._look(self._ended, LOOKS, ENDED)
         if not self._over():
-            self._bell.get()
+            self._wait()
         if self._errors:
             raise self._errors[0]
         return self._done
+
+    def _wait(self) -> None:
+        """Wait for the others, also if Ctrl-C is pressed meanwhile: they write where others would go on."""
+        try:
+            self._bell.get()
+        except BaseException:
+            if not self._over():
+                self._bell.get()
+            raise
 
     def _over(self) -> bool:
         return len(self._done) + len(self._errors) == self._count

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from math import inf
 from typing import TYPE_CHECKING, Protocol
@@ -109,8 +109,11 @@ class QuietWorld:
             self._alone = WorldTable([self.block])
         if not self.begin(most):
             return 0
-        self._alone.make([0])
-        return self.end()
+        try:
+            self._alone.make([0])
+        finally:  # where Ctrl-C comes, which waits for compiled code: the ticks are made
+            made = self.end()
+        return made
 
     @cached_property
     def block(self) -> BodyBlock | None:
@@ -180,7 +183,6 @@ class QuietWorld:
         swarm, block, minds = self._swarm, self.block, self._minds
         for witness in swarm.witnesses:
             witness.ticking()
-        swarm.whole = False
         if minds.rules is not self._told:
             self._told = minds.rules
             block.think(*minds.rules)
@@ -191,6 +193,7 @@ class QuietWorld:
         sampled = bool(desks) and (swarm.simulator.tick + ticks) % swarm.telemetry_ticks == 0
         self._reports = sampled or any(desk.next_due < inf for desk in desks)
         block.begin(ticks, sampled and bool(swarm.sonars) and (bool(self._asked) or swarm.radio.reaches_all))
+        swarm.whole = False
         return ticks
 
     def cancel(self) -> None:
@@ -207,6 +210,9 @@ class QuietWorld:
         calls."""
         swarm, block, minds = self._swarm, self.block, self._minds
         assert block is not None
+        if not block.moved:
+            self.cancel()
+            return 0
         ticks, trouble = block.done if made is None else made, block.trouble
         block.note()
         simulator = swarm.simulator
@@ -248,13 +254,30 @@ class QuietTicks:
         chosen = range(len(self._swarms)) if which is None else which
         left = dict.fromkeys(chosen, ticks)
         while left:
-            begun = [number for number, most in left.items() if self._swarms[number].quiet.begin(most)]
-            if self._table is not None and begun:
-                self._table.make([self._places[number] for number in begun])
-            made = {number: self._swarms[number].quiet.end() for number in begun}
+            made = self._make(left)
             for number in left.keys() - made.keys():
                 self._swarms[number].advance(1)
             left = {number: most - made.get(number, 1) for number, most in left.items() if most > made.get(number, 1)}
+
+    def _make(self, most: Mapping[int, int]) -> dict[int, int]:
+        """Let these swarms make quiet ticks where the next one is, at most so many; gives how many each has made.
+        Whatever is raised, each is whole that has raised nothing itself."""
+        begun, made, errors = list[int](), dict[int, int](), list[BaseException]()
+        try:
+            for number, ticks in most.items():
+                begun += [number] if self._swarms[number].quiet.begin(ticks) else []
+            if self._table is not None and begun:
+                self._table.make([self._places[number] for number in begun])
+        except BaseException as error:
+            errors.append(error)
+        for number in begun:
+            try:
+                made[number] = self._swarms[number].quiet.end()
+            except BaseException as error:
+                errors.append(error)
+        if errors:
+            raise errors[0]
+        return made
 
     # ---- many ticks, some at a time
 

@@ -190,7 +190,13 @@ class BodyBlock:
     def begin(self, ticks: int, sampled: bool) -> None:
         """The next call is to make so many ticks. sampled: whether all sonars are wanted in the last one."""
         self.words[words.TICKS], self.words[words.SAMPLED] = ticks, sampled
+        self.words[words.DONE] = self.words[words.TROUBLE] = 0
         self._steps[2::2] = 0
+
+    @property
+    def moved(self) -> bool:
+        """Whether ticks were made that are not noted yet."""
+        return int(self.words[words.TICK]) != self._bodies.tick
 
     @property
     def done(self) -> int:

@@ -9,7 +9,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from math import nan
-from operator import is_
 from typing import Generic, TypeAlias, TypeVar
 
 import msgspec
@@ -218,8 +217,9 @@ class ValueColumns(Columns):
         self._shared: set[int] = set()
         """Slots of variables whose columns are stored elsewhere."""
         self._block: Column = np.empty((0, count))
-        self._copies: list[Column] = []
-        """The columns that were copied last in one go, which are rows of a block."""
+        self._originals: list[Column] = []
+        self._copied: tuple[ValueColumns, int, int] | None = None
+        """The columns that were copied last in one go, whose they are, and the layouts there and here since."""
         self.layouts = 0
         """How often columns or groups have come or gone: as long as it stays the same, each lies where it did."""
 
@@ -269,17 +269,23 @@ class ValueColumns(Columns):
 
     def copy_all(self, other: ValueColumns) -> None:
         """Copy every variable of all robots, in one go."""
+        if self._copied is None or self._copied[0] is not other or self._copied[1:] != (other.layouts, self.layouts):
+            self._make_room_for(other)
+        self._same[:] = other._same
+        if self._originals:
+            np.concatenate(self._originals, out=self._block.reshape(-1))
+
+    def _make_room_for(self, other: ValueColumns) -> None:
+        """Let the columns be rows of one block, as many as the other has now."""
         columns = {slot: column for slot, column in enumerate(other._columns) if column is not None}
-        here = [self._columns[slot] for slot in columns if slot < len(self._columns)]
-        if not (len(here) == len(columns) == len(self._copies) and all(map(is_, here, self._copies))):
+        self._originals = [*columns.values()]
+        if self._block.shape != (len(columns), self.count):
             self._block = np.empty((len(columns), self.count))
-            self._copies = list(self._block)
-        self.layouts += 1
         self._same, self._columns = [*other._same], [None] * len(other._same)
-        for slot, column in zip(columns, self._copies, strict=True):
+        for slot, column in zip(columns, self._block, strict=True):
             self._columns[slot] = column
-        if columns:
-            np.concatenate([*columns.values()], out=self._block.reshape(-1))
+        self.layouts += 1
+        self._copied = other, other.layouts, self.layouts
 
     def copy_groups(self, other: ValueColumns, rows: Rows) -> None:
         """Copy the group memberships of these robots."""

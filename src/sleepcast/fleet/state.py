@@ -8,10 +8,11 @@ however many robots store it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from functools import cached_property
 from math import nan
 from typing import TypeAlias, TypeVar
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -223,6 +224,25 @@ UNMERGED = Merging()
 """Of changes that are no command's: all of them count."""
 
 
+class MindKey:
+    """Equal for equal minds. It keeps its hash, which takes as long to find as there are names."""
+
+    __slots__ = ("_hash", "_learned")
+
+    def __init__(
+        self, rules: Mapping[str, Rule], symbols: Mapping[str, Declared], operators: Mapping[str, Program]
+    ) -> None:
+        named = [each for names in (symbols, operators) for each in (tuple(names), tuple(names.values()))]
+        self._learned = tuple(rules.values()), *named
+        self._hash = hash(self._learned)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, MindKey) and self._hash == other._hash and self._learned == other._learned
+
+    def __hash__(self) -> int:
+        return self._hash
+
+
 class Mind:
     """What some robots have learned. rules, operators and symbols by key, in order of arrival.
 
@@ -231,6 +251,7 @@ class Mind:
 
     def __init__(self, rules: dict[str, Rule], symbols: dict[str, Declared], operators: dict[str, Program]) -> None:
         self.rules, self.symbols, self.operators = rules, symbols, operators
+        self.key = MindKey(rules, symbols, operators)
 
     @cached_property
     def running(self) -> tuple[Rule, ...]:
@@ -271,13 +292,18 @@ class MindNames:
         return self._mind.heard()
 
 
+class SharedMinds(WeakValueDictionary[MindKey, Mind]):
+    """The minds of all fleets whose vocabularies were made `anew` from one: equal ones are one and the same."""
+
+
 class Minds:
     """The table of minds. vocabulary: of all robots. Number 0 is the mind that has learned nothing."""
 
     def __init__(self, vocabulary: Vocabulary) -> None:
         self.vocabulary, self.library = vocabulary, Library(vocabulary)
         self._minds: dict[int, Mind] = {}
-        self._numbers: dict[tuple[object, ...], int] = {}
+        self._numbers: dict[MindKey, int] = {}
+        self._shared = vocabulary.common(SharedMinds)
         self._next = 0
         self.add(Mind({}, *learned_at_first(vocabulary, self.library)))
 
@@ -306,10 +332,12 @@ class Minds:
 
     def add(self, mind: Mind) -> int:
         """The number of a mind equal to this one."""
-        number = self._numbers.setdefault(_key(mind), self._next)
-        if number == self._next:
-            self._minds[number] = mind
-            self._next += 1
+        if mind.key in self._numbers:
+            return self._numbers[mind.key]
+        if self._shared is not None:
+            mind = self._shared.setdefault(mind.key, mind)
+        number, self._next = self._next, self._next + 1
+        self._minds[number], self._numbers[mind.key] = mind, number
         return number
 
     @property
@@ -322,14 +350,9 @@ class Minds:
         self._minds, self._numbers, self._next = {}, {}, following
         for number, mind in sorted(minds.items()):
             self._minds[number] = mind
-            self._numbers.setdefault(_key(mind), number)
+            self._numbers.setdefault(mind.key, number)
 
     def keep_only(self, used: set[int]) -> None:
         """Remove the minds that no robot has any more; 0 stays."""
         self._minds = {number: mind for number, mind in self._minds.items() if number in used or number == 0}
         self._numbers = {key: number for key, number in self._numbers.items() if number in self._minds}
-
-
-def _key(mind: Mind) -> tuple[object, ...]:
-    """A key that is equal for equal minds."""
-    return tuple(mind.rules.values()), tuple(mind.symbols.items()), tuple(mind.operators.items())

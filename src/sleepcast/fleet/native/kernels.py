@@ -11,7 +11,7 @@ from __future__ import annotations
 import importlib.util
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from functools import partial
+from functools import cached_property, partial
 from typing import NamedTuple, TypeAlias
 from weakref import WeakKeyDictionary
 
@@ -102,9 +102,13 @@ class Kernels:
         self._of_mind: WeakKeyDictionary[Mind, SequencePlan] = WeakKeyDictionary()
         self._rules: dict[tuple[Rule, ...], Future[Kernel]] = {}
         self._texts: dict[Program, int | Future[Kernel] | None] = {}
-        self._maker = ThreadPoolExecutor(1, "sleepcast-native")
         self._ready = 0
         self._part: NDArray[np.uint8] = np.zeros(0, np.uint8)
+
+    @cached_property
+    def _maker(self) -> ThreadPoolExecutor:
+        """Compiles; a fleet that takes over what was made for another one may never need it."""
+        return ThreadPoolExecutor(1, "sleepcast-native")
 
     # ---- rules
 

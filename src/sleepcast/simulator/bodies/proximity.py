@@ -326,6 +326,8 @@ class Sonars:
         self._fresh = np.zeros(count, bool)
         """Robots whose readings are up to date in the `_wanted` rows."""
         self._wanted = np.ones(ring.count + 1, bool)
+        self._complete = False
+        """Whether it is known at a glance that all of them are, in all rows."""
 
     def arrange(self, robot: int, order: Sequence[int], pause: float) -> None:
         """Set the firing order of one robot, each sonar `pause` s after the echo of the one before; an empty order
@@ -353,13 +355,14 @@ class Sonars:
 
     def forget(self) -> None:
         """Invalidate the readings: bodies or obstacles have moved."""
-        self._fresh[:] = False
+        self._fresh[:] = self._complete = False
 
     def note(self, wanted: NDArray[np.bool_]) -> None:
         """All readings are up to date in the `wanted` rows: somebody else has measured them. shape (sonars + 1,)"""
         self._version = self._near.world.version
         self._wanted = wanted.copy()
         self._fresh[:] = True
+        self._complete = bool(wanted.all())
 
     def sense(
         self,
@@ -373,6 +376,8 @@ class Sonars:
         if self._version != self._near.world.version:
             self.forget()
             self._version = self._near.world.version
+        if self._complete:
+            return
         old = self._old(None if which is None else which - self.robots.start, rows)
         if not len(old):
             return

@@ -250,19 +250,16 @@ class NumbaMachine:
 
     def propose(self, bodies: BodyColumns, laws: Laws, draws: Draws, proposal: Displacement) -> None:
         roam, left, right = (np.uint64(draw) for draw in draws)
-        if not laws.track:
-            self._share(
-                len(bodies.x), lambda first, last: kernels_motion.glide(bodies, laws, roam, proposal, first, last)
-            )
-            return
         self._share(
             len(bodies.x),
             lambda first, last: kernels_motion.propose(bodies, laws, roam, left, right, proposal, first, last),
         )
 
     def commit(self, bodies: BodyColumns, laws: Laws, proposal: Displacement, settled: Settled) -> None:
-        end = kernels_motion.commit if laws.track else kernels_motion.end_glide
-        self._share(len(bodies.x), lambda first, last: end(bodies, laws, proposal, *settled, first, last))
+        self._share(
+            len(bodies.x),
+            lambda first, last: kernels_motion.commit(bodies, laws, proposal, *settled, first, last),
+        )
 
     def settle(
         self,

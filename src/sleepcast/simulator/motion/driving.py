@@ -159,6 +159,17 @@ def swing_left(laws: Laws, swing: Floats, left: Floats, right: Floats, speed: Fl
     return either((np.abs(rest) < 1e-9) | (turn != tumbling(laws, swing)), 0.0, rest)
 
 
+def spinning(laws: Laws, swing: Floats) -> Floats:
+    """As `tumbling`, for a body without wheels."""
+    return bounded(swing / laws.tick, -laws.turn_rate, laws.turn_rate)
+
+
+def spin_left(laws: Laws, swing: Floats) -> Floats:
+    """As `swing_left`, for a body without wheels: nothing takes over its turn."""
+    rest = swing - spinning(laws, swing) * laws.tick
+    return either(np.abs(rest) < 1e-9, 0.0, rest)
+
+
 def turned_back(laws: Laws, x: Floats, y: Floats, heading: Floats, speed: Floats, turn: Floats) -> Floats:
     """The turn rate of a body near the fence: the fastest possible until it drives towards the middle of the world."""
     middle = arc_tangent((laws.bottom + laws.top) / 2 - y, (laws.left + laws.right) / 2 - x)
@@ -204,6 +215,19 @@ def arc(laws: Laws, left: Floats, right: Floats, heading: Floats) -> tuple[Float
     return chord * cosine, chord * sine, turn
 
 
+def glided(
+    laws: Laws, before: Floats, speed: Floats, turn: Floats, heading: Floats
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """The speed (m/s) of a body without wheels after one tick, from the one `before` it, and its displacement in x and
+    y (m) and turn (rad)."""
+    most = laws.acceleration * laws.tick
+    after = before + bounded(bounded(speed, -laws.speed, laws.speed) - before, -most, most)
+    turned = bounded(turn, -laws.turn_rate, laws.turn_rate) * laws.tick
+    way = after * laws.tick
+    sine, cosine = sine_cosine(heading + turned)
+    return after, way * cosine, way * sine, turned
+
+
 def touched_part(laws: Laws, dx: Floats, dy: Floats, heading: Floats) -> Floats:
     """The number of the bumper segment touched by a thing that lies `dx` and `dy` from the body."""
     part = np.floor((arc_tangent(dy, dx) - heading) * (laws.parts / (2.0 * pi)) + 0.5)
@@ -212,5 +236,5 @@ def touched_part(laws: Laws, dx: Floats, dy: Floats, heading: Floats) -> Floats:
 
 FORMULAS = (
     *(bounded, shortest, approach, tumbling, turned_back, outside),
-    *(wheels_follow, swing_left, slipped, arc, touched_part),
+    *(wheels_follow, swing_left, slipped, arc, spinning, spin_left, glided, touched_part),
 )

@@ -1,4 +1,4 @@
-"""Compiled kernels of motion and contact for bodies on wheels; `steps` has the NumPy version, with the same bits.
+"""Compiled kernels of motion and contact; `steps` has the NumPy version, with the same bits.
 `fast` calls these.
 
 Bodies are processed in blocks: first what each one wants, with branches for those that do anything but DRIVE, then
@@ -23,15 +23,18 @@ from sleepcast.simulator.motion.driving import (
     GOTO,
     approach,
     bounded,
+    glided,
     outside,
     slipped,
+    spin_left,
+    spinning,
     swing_left,
     touched_part,
     tumbling,
     turned_back,
     wheels_follow,
 )
-from sleepcast.simulator.motion.steps import UNIT, UNIT_SPREAD
+from sleepcast.simulator.motion.steps import LIFT, UNIT, UNIT_SPREAD
 from sleepcast.simulator.simd.compiled import compiled, inlined, part, strict, usable, woven
 from sleepcast.simulator.simd.formulas import LANES, either, shortest, sine_cosine, sine_of_rest, wrap
 from sleepcast.simulator.simd.formulas import TURN as FULL
@@ -88,6 +91,9 @@ def propose(bodies, laws, roam, draw_left, draw_right, proposal, first, last):
             others, ends = drive(laws, wanted_speed, wanted_turn, swing, x, y, stores, uses, room, begin, end)
         if others < ends:
             want(bodies, laws, roam, room, begin, others, ends)
+        if laws.track == 0.0:
+            glide(laws, room, x, y, heading, wheel_mean, out_dx, out_dy, out_turn, begin, end)
+            continue
         set_out(
             *(laws, slips, numbers, draw_left, draw_right, room, x, y, towards, wheel_mean, wheel_left, wheel_right),
             *(out_dx, out_dy, out_turn, begin, end),
@@ -149,11 +155,13 @@ def want(bodies, laws, roam, room, begin, first, last):
                 moves = False
         swings = swing[i] != 0.0 and moves
         if swings:
-            turn = tumbling(laws, swing[i])
+            turn = tumbling(laws, swing[i]) if laws.track != 0.0 else spinning(laws, swing[i])
         if laws.margin >= 0.0 and mode[i] != GOTO and speed != 0.0 and outside(laws, x[i], y[i]):
             turn = turned_back(laws, x[i], y[i], heading[i], speed, turn)
-        if swings:
+        if swings and laws.track != 0.0:
             swing[i] = swing_left(laws, swing[i], wheel_left[i], wheel_right[i], speed, turn)
+        elif swings:
+            swing[i] = spin_left(laws, swing[i])
         room[SPEED + i - begin], room[TURN + i - begin] = (speed, turn) if moves else (0.0, 0.0)
 
 
@@ -198,6 +206,28 @@ def some_set_out(
     put_some(out_turn, i, turned, most)
 
 
+@part
+def glide(laws, room, x, y, heading, speed, out_dx, out_dy, out_turn, begin, end):
+    """As `set_out`, for bodies without wheels."""
+    whole = end - (end - begin) % LANES
+    for i in range(begin, whole, LANES):
+        some_glide(laws, room, x, y, heading, speed, out_dx, out_dy, out_turn, begin, i, None)
+    if whole < end:
+        some_glide(laws, room, x, y, heading, speed, out_dx, out_dy, out_turn, begin, whole, end - whole)
+
+
+@woven
+def some_glide(laws, room, x, y, heading, speed, out_dx, out_dy, out_turn, begin, i, most):
+    """As `glide`, for at most `most` bodies from `i` on."""
+    wanted, turn, before = at(room, SPEED + i - begin), at(room, TURN + i - begin), some(speed, i, most)
+    after, dx, dy, turned = glided(laws, before, wanted, turn, some(heading, i, most))
+    own_x, own_y = some(x, i, most), some(y, i, most)
+    put_some(speed, i, after, most)
+    put_some(out_dx, i, bounded(own_x + dx, laws.left, laws.right) - own_x, most)
+    put_some(out_dy, i, bounded(own_y + dy, laws.bottom, laws.top) - own_y, most)
+    put_some(out_turn, i, turned, most)
+
+
 @strict
 def commit(bodies, laws, proposal, free, hit_x, hit_y, first, last):
     """See `steps.commit`: for the bodies from `first` to `last` (exclusive)."""
@@ -207,27 +237,28 @@ def commit(bodies, laws, proposal, free, hit_x, hit_y, first, last):
         end = min(begin + BLOCK, last)
         for store in range(uses.shape[0]):
             if uses[store] != 0.0:
-                spend(laws, left, right, free, uses[store], stores[store], begin, end)
-        believe(laws, encoder_x, encoder_y, encoder_heading, left, right, free, begin, end)
+                spend(laws, speed, free, uses[store], stores[store], begin, end)
+        if laws.track != 0.0:
+            believe(laws, encoder_x, encoder_y, encoder_heading, left, right, free, begin, end)
         feel(laws, heading, speed, left, right, bumper, free, hit_x, hit_y, begin, end)
         arrive(x, y, heading, dx, dy, turn, free, begin, end)
 
 
 @part
-def spend(laws, left, right, free, use, store, first, last):
+def spend(laws, speed, free, use, store, first, last):
     """Subtract from a store what each body's path uses up."""
     whole = last - (last - first) % LANES
     for i in range(first, whole, LANES):
-        some_spend(laws, left, right, free, use, store, i, None)
+        some_spend(laws, speed, free, use, store, i, None)
     if whole < last:
-        some_spend(laws, left, right, free, use, store, whole, last - whole)
+        some_spend(laws, speed, free, use, store, whole, last - whole)
 
 
 @woven
-def some_spend(laws, left, right, free, use, store, i, most):
+def some_spend(laws, speed, free, use, store, i, most):
     """As `spend`, for at most `most` bodies from `i` on."""
-    speed, share = (some(left, i, most) + some(right, i, most)) / 2.0, some(free, i, most)
-    rest = some(store, i, most) - np.abs(speed) * laws.tick * share * use
+    used = np.abs(some(speed, i, most)) * laws.tick * some(free, i, most)
+    rest = some(store, i, most) - used * use
     put_some(store, i, either(rest < 0.0, 0.0, rest), most)
 
 
@@ -290,65 +321,46 @@ def some_arrive(x, y, heading, dx, dy, turn, free, i, most):
     put_some(heading, i, wrapped(some(heading, i, most) + some(turn, i, most)), most)
 
 
-# ---- bodies without wheels
+@strict
+def slide(bodies, laws, proposal, free, hit_x, hit_y, first, last):
+    """See `steps.slide`: turn the proposals of bodies that slide, once they have moved as far as they are free to, into
+    the ways that they still want to go, 0 for all that nothing has stopped. Returns whether anything has stopped any
+    of them."""
+    x, y = bodies[10:12]
+    dx, dy, _ = proposal
+    touched = 0
+    for i in range(first, last):
+        way_x, way_y = 0.0, 0.0
+        if free[i] < 1.0:
+            touched = 1
+            rest, to_x, to_y = 1.0 - free[i], hit_x[i], hit_y[i]
+            way_x, way_y = rest * dx[i], rest * dy[i]
+            away = sqrt(to_x * to_x + to_y * to_y)
+            away = away if away > 0.0 else 1.0
+            to_x, to_y = to_x / away, to_y / away
+            towards = way_x * to_x + way_y * to_y
+            towards = (0.0 if towards < 0.0 else towards) + LIFT * sqrt(way_x * way_x + way_y * way_y)
+            way_x, way_y = way_x - towards * to_x, way_y - towards * to_y
+        dx[i] = bounded(x[i] + way_x, laws.left, laws.right) - x[i]
+        dy[i] = bounded(y[i] + way_y, laws.bottom, laws.top) - y[i]
+    return touched
 
 
 @strict
-def glide(bodies, laws, roam, proposal, first, last):
-    """See `steps.propose`: for the bodies from `first` to `last` (exclusive), which have no wheels."""
-    mode, held, wanted_speed, wanted_turn, target_x, target_y, swing, roaming, chance = bodies[:9]
-    x, y, heading, encoder_x, encoder_y, encoder_heading, own_speed, _, _, _, stores, uses = bodies[10:]
-    out_dx, out_dy, out_turn = proposal
-    most = laws.acceleration * laws.tick
+def displace(bodies, laws, proposal, free, before, first, last):
+    """See `Bodies.displace`: move bodies that something has stopped `before` by the free share of their ways."""
+    x, y, heading, encoder_x, encoder_y, encoder_heading = bodies[10:16]
+    dx, dy, _ = proposal
     for i in range(first, last):
-        speed, turn = wanted_speed[i], wanted_turn[i]
-        if mode[i] == GOTO:
-            dx = shortest(target_x[i] - encoder_x[i], laws.around_x)
-            dy = shortest(target_y[i] - encoder_y[i], laws.around_y)
-            speed, turn = approach(laws, dx, dy, encoder_heading[i])
-        elif mode[i] != DRIVE:
-            drawn = float(mixed(chance[i], roam) >> U(11)) * UNIT - 0.5
-            roaming[i] = roaming[i] * laws.retained + drawn * (UNIT_SPREAD * laws.strayed)
-            speed, turn = laws.roam_speed, roaming[i]
-        moves = not held[i]
-        for store in range(uses.shape[0]):
-            if uses[store] != 0.0 and stores[store, i] <= 0.0:
-                moves = False
-        if swing[i] != 0.0 and moves:
-            turn = bounded(swing[i] / laws.tick, -laws.turn_rate, laws.turn_rate)
-            rest = swing[i] - turn * laws.tick
-            swing[i] = 0.0 if abs(rest) < 1e-9 else rest
-        if laws.margin >= 0.0 and mode[i] != GOTO and speed != 0.0 and outside(laws, x[i], y[i]):
-            turn = turned_back(laws, x[i], y[i], heading[i], speed, turn)
-        if not moves:
-            speed, turn = 0.0, 0.0
-        own_speed[i] += bounded(bounded(speed, -laws.speed, laws.speed) - own_speed[i], -most, most)
-        turned = bounded(turn, -laws.turn_rate, laws.turn_rate) * laws.tick
-        way = own_speed[i] * laws.tick
-        sine, cosine = sine_cosine(heading[i] + turned)
-        out_dx[i] = bounded(x[i] + way * cosine, laws.left, laws.right) - x[i]
-        out_dy[i] = bounded(y[i] + way * sine, laws.bottom, laws.top) - y[i]
-        out_turn[i] = turned
-
-
-@strict
-def end_glide(bodies, laws, proposal, free, hit_x, hit_y, first, last):
-    """See `steps.commit`: for the bodies from `first` to `last` (exclusive), which have no wheels."""
-    x, y, heading, _, _, _, speed, left, right, bumper, stores, uses = bodies[10:]
-    dx, dy, turn = proposal
-    for i in range(first, last):
-        used = abs(speed[i]) * laws.tick * free[i]
-        if laws.parts != 0.0:
-            bumper[i] = touched_part(laws, hit_x[i], hit_y[i], heading[i]) if free[i] < 1.0 else 0.0
-        x[i] += free[i] * dx[i]
-        y[i] += free[i] * dy[i]
-        heading[i] = wrap(heading[i] + turn[i])
-        if laws.slides == 0.0 and free[i] < 1.0:
-            speed[i], left[i], right[i] = 0.0, 0.0, 0.0
-        for store in range(uses.shape[0]):
-            if uses[store] != 0.0:
-                rest = stores[store, i] - used * uses[store]
-                stores[store, i] = 0.0 if rest < 0.0 else rest
+        if before[i] >= 1.0:
+            continue
+        way_x, way_y = free[i] * dx[i], free[i] * dy[i]
+        if laws.track != 0.0:
+            sine, cosine = sine_cosine(encoder_heading[i] - heading[i])
+            encoder_x[i] += way_x * cosine - way_y * sine
+            encoder_y[i] += way_x * sine + way_y * cosine
+        x[i] += way_x
+        y[i] += way_y
 
 
 # ---- contact: how far bodies get before they touch

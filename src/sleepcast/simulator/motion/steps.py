@@ -26,15 +26,18 @@ from sleepcast.simulator.motion.driving import (
     approach,
     arc,
     bounded,
+    glided,
     outside,
     slipped,
+    spin_left,
+    spinning,
     swing_left,
     touched_part,
     tumbling,
     turned_back,
     wheels_follow,
 )
-from sleepcast.simulator.simd.formulas import either, shortest, sine_cosine, wrap
+from sleepcast.simulator.simd.formulas import either, shortest, wrap
 from sleepcast.simulator.sonar.noise import deviates
 from sleepcast.simulator.world.grid import CellLists, Floats, Grid, Sorted, Whole, nearest_point, pairs, spread
 
@@ -172,7 +175,7 @@ def _empty(bodies: BodyColumns) -> NDArray[np.bool_]:
 
 def _tumbling(laws: Laws, swing: Floats) -> Floats:
     """The turn rates of tumbling bodies."""
-    return tumbling(laws, swing) if laws.track else bounded(swing / laws.tick, -laws.turn_rate, laws.turn_rate)
+    return tumbling(laws, swing) if laws.track else spinning(laws, swing)
 
 
 def _swing(bodies: BodyColumns, laws: Laws, swinging: Whole, speed: Floats, turn: Floats) -> None:
@@ -181,9 +184,8 @@ def _swing(bodies: BodyColumns, laws: Laws, swinging: Whole, speed: Floats, turn
     if laws.track:
         wheels = bodies.left[swinging], bodies.right[swinging]
         bodies.swing[swinging] = swing_left(laws, swing, *wheels, speed, turn)
-        return
-    rest = swing - _tumbling(laws, swing) * laws.tick
-    bodies.swing[swinging] = np.where(np.abs(rest) < 1e-9, 0.0, rest)
+    else:
+        bodies.swing[swinging] = spin_left(laws, swing)
 
 
 def _roll(bodies: BodyColumns, laws: Laws, draws: Draws, speed: Floats, turn: Floats, proposal: Displacement) -> None:
@@ -202,12 +204,8 @@ def _roll(bodies: BodyColumns, laws: Laws, draws: Draws, speed: Floats, turn: Fl
 
 def _glide(bodies: BodyColumns, laws: Laws, speed: Floats, turn: Floats, proposal: Displacement) -> None:
     """Steps of bodies without wheels, whose odometry is exact."""
-    most = laws.acceleration * laws.tick
-    bodies.speed[:] += bounded(bounded(speed, -laws.speed, laws.speed) - bodies.speed, -most, most)
-    turned = bounded(turn, -laws.turn_rate, laws.turn_rate) * laws.tick
-    way = bodies.speed * laws.tick
-    sine, cosine = sine_cosine(bodies.heading + turned)
-    proposal.dx[:], proposal.dy[:], proposal.turn[:] = way * cosine, way * sine, turned
+    bodies.speed[:], *way = glided(laws, bodies.speed, speed, turn, bodies.heading)
+    proposal.dx[:], proposal.dy[:], proposal.turn[:] = way
 
 
 # ---- contact: how far bodies get before they touch something, independent of their order

@@ -288,8 +288,9 @@ class Robots(Sequence[Body]):
     def sonar(self, robots: Whole, which: Floats) -> Floats:
         if not isinstance(self._bodies.sonars, Sonars):
             return np.array([self[i].sonar(one) for i, one in zip(robots.tolist(), which.tolist(), strict=True)])
-        ranges = self._bodies.sonar_ranges(robots.tolist())
-        readings: Floats = ranges[np.arange(len(robots)), np.mod(np.trunc(which), ranges.shape[1]).astype(np.int64)]
+        asked = np.mod(np.trunc(which), self._bodies.sonars.ring.count).astype(np.int64)
+        ranges = self._bodies.sonar_ranges(robots.tolist(), {*asked.tolist()})
+        readings: Floats = ranges[np.arange(len(robots)), asked]
         return readings
 
     def nearest(self, robots: Whole, first: Floats, last: Floats) -> Floats:

@@ -339,11 +339,12 @@ class Bodies:
             rows = None if sonars is True else [row - len(self.sensors) for row in sonars]
             self.sonars.sense(which, self.tick, (self.x, self.y, self.heading), rows)
 
-    def sonar_ranges(self, numbers: Sequence[int] | None = None) -> Floats:
-        """Sonar readings of these robots (None: all), m, shape (robots, sonars). Only for robots with sonars."""
+    def sonar_ranges(self, numbers: Sequence[int] | None = None, rows: Collection[int] | None = None) -> Floats:
+        """Sonar readings of these robots (None: all), m, shape (robots, sonars), up to date in these `rows` (None: all)
+        at least. Only for robots with sonars."""
         assert self.sonars
         which = None if numbers is None else np.asarray(numbers, np.int64)
-        self.sonars.sense(which, self.tick, (self.x, self.y, self.heading))
+        self.sonars.sense(which, self.tick, (self.x, self.y, self.heading), rows)
         return self.sensed[len(self.sensors) : -1, slice(None) if which is None else which].T
 
     def readings(self, numbers: Sequence[int] | None = None) -> list[list[float]]:

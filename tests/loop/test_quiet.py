@@ -87,6 +87,30 @@ def test_hardly_any_tick_of_a_crowd_at_work_is_not_quiet() -> None:
     assert sees.quiet.ticks >= 0.8 * LAST
 
 
+@pytest.mark.parametrize(
+    ("name", "over"),
+    [
+        ("gauci", ()),
+        ("crowd", (("robots.body.contact", "slide"),)),
+        ("vicsek", ()),
+        ("vicsek", (("robots.wheels", {"track": "1cm", "slip_noise": "1mm"}),)),
+        ("couzin", ()),
+    ],
+)
+def test_bodies_that_slide_or_go_round_a_torus_are_quiet_too(name: str, over: tuple[tuple[str, object], ...]) -> None:
+    assert compare(few(name, over=over)).quiet.ticks >= 0.8 * LAST
+
+
+def test_whoever_asks_after_quiet_ticks_senses_its_neighbours_as_they_are_now() -> None:
+    found = []
+    for how in (singly, at_once):
+        swarm = swarm_of(few("vicsek"), 3, 1)
+        for _ in range(3):
+            how(swarm, 12)
+            found.append(swarm.values_of("(+ (COUNT 0.4) (MEAN_X 0.4))").tobytes())
+    assert found[:3] == found[3:]
+
+
 def test_threads_make_no_difference() -> None:
     one, two = (swarm_of(few("crowd", 30), 3, threads) for threads in (1, 2))
     for swarm in (one, two):

@@ -69,16 +69,13 @@ class NativeCall(NamedTuple):
     context: of what it is given first
     prepare: of `void f(void *)`, to be called with `senses` before the first call after bodies have moved; a second
         time it does nothing
-    begin: the same, and that a tick has begun: what `step` of the simulator's senses does for this function. 0 where
-        only Python can begin a tick
-    senses: of what these two are given; one for many functions
+    senses: of what that is given; one for many functions
     owner: keeps alive what lies at these addresses
     """
 
     call: int
     context: int
     prepare: int
-    begin: int
     senses: int
     owner: object
 

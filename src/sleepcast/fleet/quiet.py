@@ -27,7 +27,6 @@ class QuietRules(NamedTuple):
     steps: the addresses of the columns of steps whose maxima are wanted
     actuators: that rules may assign, by name: the addresses of their values, and of who has assigned them
     drawn: the address of the numbers drawn by each robot, to be 0 before
-    prepares: functions to be called before, once bodies have moved: the addresses of their code and argument
     """
 
     legs: list[tuple[int, int]]
@@ -35,10 +34,9 @@ class QuietRules(NamedTuple):
     steps: list[int]
     actuators: dict[str, tuple[int, int]]
     drawn: int
-    prepares: list[tuple[int, int]]
 
 
-NOTHING = QuietRules([], [], [], {}, 0, [])
+NOTHING = QuietRules([], [], [], {}, 0)
 
 
 class QuietMinds:
@@ -122,10 +120,7 @@ class QuietMinds:
         """Whether rules change nothing that matters to other parts of a tick than the bodies' actuators."""
         watched = [SLEEPING, FROZEN, *range(ACTIVE0, ACTIVE0 + BUFFERS)]
         count = self._fleet.state.count
-        kernels = _kernels(plan)
-        if not all(address for kernel in kernels for address, _ in kernel.begun):
-            return False
-        return not any(each.writes(watched) or each.pings or each.lanes > count for each in kernels)
+        return not any(each.writes(watched) or each.pings or each.lanes > count for each in _kernels(plan))
 
     def _pending(self) -> bool:
         """Whether any actuator was assigned that rules do not assign."""
@@ -141,7 +136,6 @@ class QuietMinds:
             [fleet.memory.statistics[key].own_steps().ctypes.data for key in _entering(plan)],
             {names[slot - first].name: places for slot, places in actuators.items()},
             state.draws.ctypes.data,
-            sorted({each for kernel in kernels for each in kernel.begun}),
         )
 
     def reads(self) -> frozenset[int]:

@@ -258,8 +258,6 @@ class Kernel:
         """The names of the robots' own functions in it."""
         self.prepared = sorted({(each.prepare, each.senses) for each in self.called})
         """The functions to be called before it, each with the address of its only argument."""
-        self.begun = sorted({(each.begin, each.senses) for each in self.called})
-        """The same where they are to begin a tick as well; an address is 0 where only Python can."""
         self._entries, self._count = list(writer.entries), len(programs)
         sizes = [Size(program, names, calls=calls) for program in programs]
         self.lanes, self.parts = lanes, sum(size.parts for size in sizes) + CALLED * writer.sensing

@@ -207,6 +207,16 @@ class RangeAndBearing:
     def step(self) -> None:
         """Begin a tick: bodies have moved, and what they set in the last tick can be seen."""
         self._shared[:] = self._set
+        self.forget()
+
+    def beginning(self) -> tuple[int, int] | None:
+        """The addresses of native code that begins a tick instead of `step`, and of its argument; None where chance has
+        a part, or without compiled code."""
+        code = None if self._near.chancy or not self._bodies.machine.compiles else addresses()
+        return None if code is None else (code["begin"], self._near.address)
+
+    def forget(self) -> None:
+        """Bodies have moved."""
         self._near.step(self._bodies.tick)
         self._sorted.clear()
         self._recent.clear()
@@ -260,8 +270,7 @@ class RangeAndBearing:
             return None
         asked = question(vicinity, formula, float(radius[0]))
         call = code["ask_one" if len(arguments) == 1 else "ask_coloured"]
-        begin = 0 if self._near.chancy else code["begin"]
-        return NativeCall(call, asked.ctypes.data, code["prepare"], begin, self._near.address, (self._near, asked))
+        return NativeCall(call, asked.ctypes.data, code["prepare"], self._near.address, (self._near, asked))
 
     def own_frame(self, robots: Whole) -> Floats:
         """Sensed x (m), y (m) and heading (rad) of these robots, shape (3, robots)."""

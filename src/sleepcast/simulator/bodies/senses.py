@@ -82,6 +82,20 @@ class Senses:
         if self._fields is not None:
             self._fields.step()
 
+    @property
+    def beginnings(self) -> list[tuple[int, int]] | None:
+        """Functions that begin a tick of senses that native code asks, instead of `step`: addresses of their code, and
+        of its argument. None where only Python can."""
+        if self._near is None:
+            return []
+        begin = self._near.beginning()
+        return None if begin is None else [begin]
+
+    def begun(self) -> None:
+        """Ticks were begun by those functions."""
+        if self._near is not None:
+            self._near.forget()
+
     def state(self) -> Iterator[NDArray[np.generic]]:
         """The arrays that the next ticks depend on besides those of the bodies, for the state hash."""
         if self._pings is not None:

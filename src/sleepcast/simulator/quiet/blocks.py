@@ -23,7 +23,7 @@ from sleepcast.core.arrays import LINE, block
 from sleepcast.core.threads import ThreadPool, borders
 from sleepcast.simulator import fast
 from sleepcast.simulator.bodies.proximity import Sonars
-from sleepcast.simulator.motion.steps import SKIN, Displacement, Settled, boxes_of
+from sleepcast.simulator.motion.steps import SKIN, BodyColumns, Displacement, Settled, boxes_of
 from sleepcast.simulator.quiet import layout as words
 from sleepcast.simulator.simd.cached import CachedKernel, CachedKernels
 from sleepcast.simulator.simd.formulas import LANES
@@ -39,7 +39,7 @@ CALLED: tuple[CachedKernel, ...] = (
     *(fast.kernels_motion.propose, fast.kernels_motion.commit, fast.kernels_motion.gather),
     *(fast.kernels_motion.stop_at_old, fast.kernels_motion.stop_at_ways),
     *(fast.kernels.count, fast.kernels.begin, fast.kernels.place, fast.kernels.fix),
-    *(fast.kernels_sonar.see, fast.kernels.hear),
+    *(fast.kernels_sonar.see, fast.kernels.hear, fast.kernels_motion.slide, fast.kernels_motion.displace),
 )
 """The kernels that a tick calls, in the order of `layout`."""
 
@@ -71,10 +71,11 @@ class Scratch:
     after the other."""
 
     def __init__(self, robots: int, sonars: int, cells: int) -> None:
-        reals = [_aligned(np.float64, robots) for _ in range(9)]
+        reals = [_aligned(np.float64, robots) for _ in range(10)]
         self.ways = Displacement(*reals[:3])
         self.free = reals[3]
         self.stopped = Settled(*reals[4:7])
+        self.before = Settled(*reals[7:])
         self.rows = _aligned(np.float64, 2, robots)
         self.near, self.ones = np.zeros(robots, np.bool_), np.ones(robots, np.bool_)
         self.fixed = np.zeros((2, robots + LANES), np.int32)
@@ -99,12 +100,15 @@ class Needs(NamedTuple):
 def covered(simulator: Simulator) -> bool:
     """Whether the ticks of a world can be made by compiled code alone, as long as nothing comes from outside."""
     scenario, bodies = simulator.scenario, simulator.bodies
-    senses = scenario.lights or scenario.pings or scenario.neighbours or scenario.stocks or scenario.fields
+    if bodies.machine.name != "numba" or simulator.payload is not None or bodies.parts[1:]:
+        return False
+    if scenario.lights or scenario.pings or scenario.stocks or scenario.fields or scenario.noise or bodies.counts:
+        return False
     sonars = bodies.sonars
+    if scenario.torus and (sonars is not None or bodies.contact is not None):  # whose images only Python makes
+        return False
     rings = sonars is None or (isinstance(sonars, Sonars) and sonars.radii is None and not sonars.crosstalk)
-    plain = bodies.machine.name == "numba" and bodies.laws.track > 0.0 and not bodies.parts[1:]
-    still = not (scenario.torus or scenario.noise or bodies.counts or bodies.laws.slides)
-    return plain and rings and still and not senses and simulator.payload is None
+    return rings and simulator.senses.beginnings is not None
 
 
 class BodyBlock:
@@ -131,6 +135,7 @@ class BodyBlock:
         self._all = ~self._some
         self._scratch: Scratch | None = None
         self.think((), (), (), {}, 0)
+        self.put("senses", words.SENSES, listed(simulator.senses.beginnings or ()))
 
     @property
     def suits(self) -> bool:
@@ -169,19 +174,14 @@ class BodyBlock:
         steps: Sequence[int],
         actuators: Mapping[str, tuple[int, int]],
         drawn: int,
-        prepares: Sequence[tuple[int, int]] = (),
     ) -> None:
-        """What rules run, and which actuators they assign; none: robots do not think. See `fleet.quiet.QuietRules`.
-
-        prepares: functions to be called before rules, once bodies have moved: the addresses of their code and context
-        """
+        """What rules run, and which actuators they assign; none: robots do not think. See `fleet.quiet.QuietRules`."""
         bodies = self._bodies
         wanted = {"drive_speed": bodies.wanted_speed, "drive_turn": bodies.wanted_turn}
         acts = [(*places, wanted[name].ctypes.data) for name, places in actuators.items()]
         self.put("acts", words.ACTS, listed(acts))
         self.put("legs", words.LEGS, listed(legs))
         self.put("moments", words.MOMENTS, listed(moments))
-        self.put("prepares", words.PREPARES, listed(prepares))
         self._steps = listed([(address, 0) for address in steps])
         self.put("steps", words.MOST_STEPS, self._steps)
         self.words[words.DRAWN] = drawn
@@ -255,6 +255,10 @@ class BodyBlock:
         draws = np.uint64(0), np.uint64(0), np.uint64(0)
         self._call(words.PROPOSE, columns, bodies.laws, *draws, proposal, 0, count)
         self._call(words.COMMIT, columns, bodies.laws, proposal, free, bodies.hit_x, bodies.hit_y, 0, count)
+        places = [(bodies.x, bodies.y)] + ([(bodies.encoder_x, bodies.encoder_y)] if bodies.laws.track else [])
+        sizes = [flat(float(each))[0] for each in bodies.scenario.around]
+        rounds = [(axis.ctypes.data, size) for pair in places for axis, size in zip(pair, sizes, strict=True)]
+        self.put("rounds", words.ROUNDS, listed(rounds if bodies.scenario.torus else ()))
         drained = [
             (row.ctypes.data, flat(drain * bodies.scenario.tick)[0])
             for row, drain in zip(bodies.stores, bodies.drains.tolist(), strict=True)
@@ -262,6 +266,8 @@ class BodyBlock:
         ]
         self.put("drains", words.DRAINS, listed(drained))
         self._fill_cells(scratch)
+        if bodies.laws.slides and bodies.contact is not None:
+            self._fill_slide(scratch, columns, proposal, free)
         if bodies.contact is not None:
             self._fill_contact(scratch, proposal, free)
         if self._sonars is not None:
@@ -276,6 +282,16 @@ class BodyBlock:
         self._call(words.BEGIN, counts, self._points.start)
         self._call(words.PLACE, cells, 0, count, counts[0], self._points.order)
         self._reals[words.BESIDE] = np.inf
+
+    def _fill_slide(
+        self, scratch: Scratch, columns: BodyColumns, proposal: Displacement, free: NDArray[np.float64]
+    ) -> None:
+        bodies, own, count = self._bodies, self.words, self._bodies.count
+        before = [column[:count] for column in scratch.before]
+        own[words.SLIDES] = 1
+        own[words.BEFORE], own[words.BEFORE_X], own[words.BEFORE_Y] = (column.ctypes.data for column in before)
+        self._call(words.SLIDE, columns, bodies.laws, proposal, free, bodies.hit_x, bodies.hit_y, 0, count)
+        self._call(words.DISPLACE, columns, bodies.laws, proposal, free, before[0], 0, count)
 
     def _fill_contact(self, scratch: Scratch, proposal: Displacement, free: NDArray[np.float64]) -> None:
         bodies, own, near = self._bodies, self.words, self._bodies.near
@@ -352,6 +368,7 @@ class BodyBlock:
         bodies, own = self._bodies, self.words
         bodies.tick = int(own[words.TICK])
         bodies.forget()
+        self._simulator.senses.begun()
         if own[words.SORTED]:
             bodies.near.know(self._points, bodies.x, bodies.y)
         last = own[words.DONE] + (own[words.TROUBLE] > 0) == own[words.TICKS]

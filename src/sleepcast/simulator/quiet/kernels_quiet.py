@@ -25,15 +25,20 @@ from sleepcast.simulator.quiet.layout import (
     AT_BEGIN,
     AT_COMMIT,
     AT_COUNT_CELLS,
+    AT_DISPLACE,
     AT_FIX,
     AT_GATHER,
     AT_HEAR,
     AT_PLACE,
     AT_PROPOSE,
     AT_SEE,
+    AT_SLIDE,
     AT_STOP_AT_OLD,
     AT_STOP_AT_WAYS,
     AWAKE,
+    BEFORE,
+    BEFORE_X,
+    BEFORE_Y,
     BEGIN,
     BESIDE,
     CELLS,
@@ -43,6 +48,7 @@ from sleepcast.simulator.quiet.layout import (
     COUNT,
     COUNT_CELLS,
     COUNTS,
+    DISPLACE,
     DONE,
     DRAINS,
     DRAWN,
@@ -71,19 +77,22 @@ from sleepcast.simulator.quiet.layout import (
     NEAR,
     ONES,
     PLACE,
-    PREPARES,
     PROPOSE,
     REACH,
     REAL,
     RIGHT,
     ROAM,
     ROUNDING,
+    ROUNDS,
     SAMPLED,
     SAMPLES,
     SEE,
     SEEN_BESIDE,
     SEES,
+    SENSES,
     SKIN,
+    SLIDE,
+    SLIDES,
     SOME_ROWS,
     SORTED,
     STEP,
@@ -125,6 +134,7 @@ stop_at_old, stop_at_ways = calling(types.none, TYPES[STOP_AT_OLD]), calling(typ
 count_cells, begin = calling(types.none, TYPES[COUNT_CELLS]), calling(types.none, TYPES[BEGIN])
 place, fix = calling(types.none, TYPES[PLACE]), calling(types.none, TYPES[FIX])
 see, hear = calling(types.none, TYPES[SEE]), calling(types.none, TYPES[HEAR])
+slide, displace = calling(types.int64, TYPES[SLIDE]), calling(types.none, TYPES[DISPLACE])
 
 
 @strict
@@ -168,23 +178,65 @@ def act(w):
 @part
 def advance(w, kernels):
     """See `simulation.step`."""
-    count, free = word(w, COUNT), word(w, FREE)
     if word(w, DRAWS):
         draw(w)
         put_word(w, LEFT, word(word(w, KEYS), 0))
         put_word(w, RIGHT, word(word(w, KEYS), 1))
     put_word(w, ROAM, np.int64(np.uint64(word(w, TICK)) * GOLDEN))
     propose(kernels[PROPOSE], w + 8 * AT_PROPOSE)
-    for i in range(count):
-        put_real(free, i, 1.0)
-        put_real(word(w, HIT_X), i, 0.0)
-        put_real(word(w, HIT_Y), i, 0.0)
+    clear(w)
     if word(w, TOUCHES):
         settle(w, kernels)
     commit(kernels[COMMIT], w + 8 * AT_COMMIT)
-    drain(w)
+    go_round(w)
     put_word(w, SORTED, 0)
+    if word(w, SLIDES):
+        slide_on(w, kernels)
+    drain(w)
     put_word(w, TICK, word(w, TICK) + 1)
+    senses = word(w, SENSES)
+    for number in range(word(senses, 0)):
+        call_once(word(senses, 2 * number + 1), word(senses, 2 * number + 2))
+
+
+@part
+def clear(w):
+    """See `steps.clear`."""
+    for i in range(word(w, COUNT)):
+        put_real(word(w, FREE), i, 1.0)
+        put_real(word(w, HIT_X), i, 0.0)
+        put_real(word(w, HIT_Y), i, 0.0)
+
+
+@part
+def go_round(w):
+    """See `torus.wrap_position`."""
+    rounds = word(w, ROUNDS)
+    for number in range(word(rounds, 0)):
+        places, size = word(rounds, 2 * number + 1), real(rounds, 2 * number + 2)
+        for i in range(word(w, COUNT)):
+            place = real(places, i)
+            if place < 0.0 or place >= size:
+                inside = np.mod(place, size)
+                put_real(places, i, inside if inside < size else 0.0)
+
+
+@part
+def slide_on(w, kernels):
+    """See `simulation.slide`."""
+    if slide(kernels[SLIDE], w + 8 * AT_SLIDE) == 0:
+        return
+    for i in range(word(w, COUNT)):
+        put_real(word(w, BEFORE), i, real(word(w, FREE), i))
+        put_real(word(w, BEFORE_X), i, real(word(w, HIT_X), i))
+        put_real(word(w, BEFORE_Y), i, real(word(w, HIT_Y), i))
+    clear(w)
+    settle(w, kernels)
+    displace(kernels[DISPLACE], w + 8 * AT_DISPLACE)
+    for i in range(word(w, COUNT)):
+        put_real(word(w, HIT_X), i, real(word(w, BEFORE_X), i))
+        put_real(word(w, HIT_Y), i, real(word(w, BEFORE_Y), i))
+    put_word(w, SORTED, 0)
 
 
 @part
@@ -263,13 +315,11 @@ def sense(w, kernels, every):
 def think(w):
     """Let rules run, leg by leg; see `BatchScheduler._follow`."""
     count, tick, time = word(w, COUNT), word(w, TICK), word(w, TICK) * real(w, STEP)
-    moments, legs, prepares, most = word(w, MOMENTS), word(w, LEGS), word(w, PREPARES), word(w, MOST_STEPS)
+    moments, legs, most = word(w, MOMENTS), word(w, LEGS), word(w, MOST_STEPS)
     for number in range(word(moments, 0)):
         address, kind = word(moments, 2 * number + 1), word(moments, 2 * number + 2)
         now = tick if kind == WHOLE else bits_of(float(tick)) if kind == REAL else bits_of(time)
         put_word(address, 0, now)
-    for number in range(word(prepares, 0)):
-        call_once(word(prepares, 2 * number + 1), word(prepares, 2 * number + 2))
     for i in range(count):
         put_half(word(w, DRAWN), i, 0)
     for number in range(word(legs, 0)):

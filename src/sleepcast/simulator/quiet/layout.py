@@ -15,8 +15,9 @@ _LAWS = Laws._make([0.0] * len(Laws._fields))
 _WAYS = Displacement(_R, _R, _R)
 
 PROPOSE, COMMIT, GATHER, STOP_AT_OLD, STOP_AT_WAYS, COUNT_CELLS, BEGIN, PLACE, FIX, SEE, HEAR = range(11)
+SLIDE, DISPLACE = 11, 12
 """The kernels that a tick calls."""
-KERNELS = 11
+KERNELS = 13
 SAMPLES: tuple[tuple[object, ...], ...] = (
     (_COLUMNS, _LAWS, np.uint64(0), np.uint64(0), np.uint64(0), _WAYS, 0, 0),
     (_COLUMNS, _LAWS, _WAYS, _R, _R, _R, 0, 0),
@@ -32,6 +33,8 @@ SAMPLES: tuple[tuple[object, ...], ...] = (
         *(0.0, 0.0, False, False, _R, _R, 0, 0, 0.0, _B, _F2),
     ),
     (_F2, _W, (0.0, 0.0, np.uint64(0), np.uint64(0)), 0.0, 0.0, _W, _B, _R2, 0),
+    (_COLUMNS, _LAWS, _WAYS, _R, _R, _R, 0, 0),
+    (_COLUMNS, _LAWS, _WAYS, _R, _R, 0, 0),
 )
 """Arguments of each of them, for their types."""
 
@@ -65,12 +68,17 @@ DRAINS = 30
 SEES, SOME_ROWS, ALL_ROWS, FORWARD, SAMPLED, ECHOES = range(31, 37)
 """Whether sonars are heard; the addresses of the rows that are wanted in ordinary ticks, and of all; whether none of
 those looks behind; whether all are wanted in the last tick; whether there is noise."""
-AWAKE, LEGS, MOMENTS, MOST_STEPS, PREPARES, DRAWN = range(37, 43)
+AWAKE, LEGS, MOMENTS, MOST_STEPS, DRAWN = range(37, 42)
 """Whether robots think. The addresses of lists, each with its length first: of each leg of rules the addresses of its
 code and table; the addresses of words for the time, each with what they hold of it; the addresses of columns of steps,
-each with its maximum; the addresses of functions to be called before rules, each with that of its context. The address
-of how many numbers each robot has drawn."""
-HEADER = 43
+each with its maximum. The address of how many numbers each robot has drawn."""
+SENSES = 42
+"""The address of a list: of functions to be called once bodies have moved, each with that of its argument."""
+ROUNDS = 43
+"""The address of a list: of positions along an axis of a torus, each with its size, m."""
+SLIDES, BEFORE, BEFORE_X, BEFORE_Y = range(44, 48)
+"""Whether bodies slide; the addresses of room for what contact has come to before they did."""
+HEADER = 48
 BLOCKS = tuple(HEADER + sum(sum(map(_size, each)) for each in SAMPLES[:number]) for number in range(KERNELS + 1))
 """Where the arguments of each kernel begin, and the end."""
 LENGTH = BLOCKS[-1]
@@ -101,6 +109,8 @@ ECHO, DROPOUT, WANTED_ROWS = _at(HEAR, 2) + 2, _at(HEAR, 2) + 3, _at(HEAR, 6) + 
     AT_FIX,
     AT_SEE,
     AT_HEAR,
+    AT_SLIDE,
+    AT_DISPLACE,
     _,
 ) = BLOCKS
 # ---- what is drawn in a tick

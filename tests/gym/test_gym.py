@@ -108,8 +108,9 @@ class TestEpisodes:
         assert env.agents == []
 
     @MAKERS
-    def test_a_copy_begins_anew(self, make: Maker) -> None:
-        env = make("bravo", **RESCUE)
+    @pytest.mark.parametrize("until", [None, "share (IN bravo) >= 0.9"])
+    def test_a_copy_begins_anew(self, make: Maker, until: str | None) -> None:
+        env = make("bravo", **RESCUE | {"until": until})
         env.reset(seed=1)
         copy = pickle.loads(pickle.dumps(env))
         with pytest.raises(MisuseError, match="call reset"):

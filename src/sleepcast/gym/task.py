@@ -71,6 +71,10 @@ class CheckedTask:
     steps: int
     until: StopCondition | None
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """A copy in another process reads anew what cannot travel there: how the goal is measured."""
+        return checked, (self.task,)
+
     def action(self, robot: str, action: object) -> NDArray[np.float64]:
         """What a robot does: an array of the shape of `acted`. Setpoints beyond the body's limits fit: it limits them.
         Raises MisuseError, with the robot's name, for what does not fit."""

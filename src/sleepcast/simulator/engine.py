@@ -154,8 +154,9 @@ NUMBA_SETTINGS = ".numba_config.yaml"
 
 
 def has_numba() -> bool:
-    """Whether kernels can be compiled. Does not load numba, which takes longer than a small run."""
-    return find_spec("numba") is not None
+    """Whether kernels can be compiled. Does not load numba, which takes longer than a small run, nor llvmlite, without
+    which numba cannot be loaded."""
+    return find_spec("numba") is not None and find_spec("llvmlite") is not None
 
 
 def choose(name: str | None = None, threads: int | None = None) -> Machine:

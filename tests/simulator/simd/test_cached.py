@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -89,6 +91,77 @@ def scaled(both: Both, by: int, twice: bool, out: NDArray[np.float64]) -> float:
         out[i] = room[i]
         total += room[i]
     return total
+
+
+@cache
+def scaling() -> tuple[Any, Any]:
+    """`scaled` as numba calls it, and its entry."""
+    made: Any = compiled(scaled)
+    made(Both(np.zeros(1), 0.5), 3, False, np.zeros(1))
+    return made, cached.linked_entry(entry_of(*made.overloads.values()))
+
+
+def column(kind: str, form: str) -> NDArray[Any]:
+    """Three numbers of this type, which lie in memory in one of these ways."""
+    numbers = np.array([1.0, 2.5, -3.0]).astype(kind)
+    if form == "unaligned":
+        moved = np.zeros(numbers.nbytes + 1, np.uint8)[1:].view(kind)
+        moved[:] = numbers
+        return moved
+    ways = {
+        "stepped": np.repeat(numbers, 2)[::2],
+        "swapped": numbers.astype(numbers.dtype.newbyteorder()),
+        "deep": numbers[None],
+        "empty": numbers[:0],
+        "later": numbers[1:],
+    }
+    numbers = ways.get(form, numbers)
+    numbers.flags.writeable = form != "locked"
+    return numbers
+
+
+KINDS = "f8", "f4", "i8", "u8", "?", "c16", "M8[s]"
+FORMS = "plain", "locked", "swapped", "unaligned", "stepped", "deep", "empty", "later"
+NUMBERS = (
+    *(True, False, np.True_, np.False_, 0, -3, 2**63 - 1, -(2**63), 2**63, -(2**63) - 1, 2**64, 2**200, np.int64(-3)),
+    *(0.0, -0.0, 1.5, np.nan, np.inf, np.float64(2.5), np.float32(1.5), np.float16(1.5), np.longdouble(1.5)),
+    *(np.int8(3), np.int32(3), np.uint8(3), np.uint64(2**63), np.datetime64(3, "s"), np.timedelta64(3, "s")),
+    *(None, "3", 1j, (1,), np.array(3)),
+)
+CHANGES: list[dict[str, Any]] = [
+    *({"values": column(kind, form)} for kind in KINDS for form in FORMS),
+    *({name: number} for name in ("factor", "by", "twice") for number in NUMBERS),
+]
+
+
+def test_an_entry_takes_what_numba_says_is_of_its_types_and_does_the_same() -> None:
+    made, entry = scaling()
+    taken = 0
+    for change in CHANGES:
+        given = {"values": column("f8", "plain"), "factor": 0.5, "by": 3, "twice": True} | change
+        arguments = Both(given["values"], given["factor"]), given["by"], given["twice"]
+        out, again = np.zeros(4), np.zeros(4)
+        try:
+            kinds = tuple(map(made.typeof_pyval, (*arguments, out)))
+        except (ValueError, OverflowError):  # a number that numba has no type for
+            kinds = ()
+        aligned = given["values"].flags.aligned  # numba says nothing of it
+        result = entry((*arguments, out))
+        assert (result is not NotImplemented) == (aligned and kinds == made.signatures[0]), change
+        if result is not NotImplemented:
+            taken += 1
+            assert np.array_equal(result, made(*arguments, again), equal_nan=True), change
+            assert out.tobytes() == again.tobytes(), change
+    assert 15 <= taken <= len(CHANGES) - 15
+
+
+def test_kernels_raise_nothing() -> None:
+    """Entries take each fault of a kernel for memory that is not there."""
+    sources = list(cached.ROOM.glob("*/kernels*.py"))
+    assert sources
+    for source in sources:
+        parts = ast.walk(ast.parse(source.read_text(encoding="utf-8")))
+        assert not [part.lineno for part in parts if isinstance(part, ast.Raise | ast.Assert)], source
 
 
 def test_arguments_of_all_kinds_arrive_and_the_result_comes_back() -> None:

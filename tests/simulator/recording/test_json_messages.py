@@ -44,7 +44,7 @@ def test_viewers_can_read_the_schema(body: type[msgspec.Struct]) -> None:
 def test_a_recorded_message_keeps_its_fields_and_gains_none(tmp_path: Path) -> None:
     """A new field of messages on the air is no field of recordings until somebody decides so."""
     form = schema_of(PostedBody)["properties"]["message"]
-    assert set(form["properties"]) | {"key"} == set(Message.__struct_fields__), "in a simulation nobody signs"
+    assert set(form["properties"]) | {"key", "late"} == set(Message.__struct_fields__), "nobody signs, clocks are right"
     message = Message(
         "desk", 1, 2, Kind.COMMAND, 1.0, 6.0, "(MARK)", True, {"for": ["r1"]}, "operator", 2.0, 0.5, "key"
     )

@@ -306,7 +306,7 @@ def test_what_goes_wrong_in_one_world_leaves_the_others_whole(monkeypatch: pytes
     for swarm in (first, second, expected):
         at_once(swarm, 13)
     with monkeypatch.context() as patch:
-        patch.setattr(first.fleet, "end_round", lambda _: 1 / 0)
+        patch.setattr(first.fleet, "tidy", lambda: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             QuietTicks([first, second]).step(5)
     singly(expected, second.simulator.tick - 13)

@@ -609,7 +609,7 @@ class Fleet(Mapping[str, RobotView]):
     def end_round(self, rows: Rows) -> None:
         """What follows a round of rules: whoever rests holds still, and minds that nobody has any more go."""
         self._bodies.hold(rows)
-        self._tidy()
+        self.tidy()
 
     @property
     def rests(self) -> bool:
@@ -634,7 +634,7 @@ class Fleet(Mapping[str, RobotView]):
             if old.any():
                 self.state.assign(slot, rows.take(old), np.full(int(old.sum()), nan))
 
-    def _tidy(self) -> None:
+    def tidy(self) -> None:
         """Remove unused minds once there may be many."""
         if len(self.minds) > 2 * self.minds_used + SPARE_MINDS:
             used = {*np.unique(self.state.mind).tolist(), *np.unique(self.state.proven).tolist()}

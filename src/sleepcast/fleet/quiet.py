@@ -164,7 +164,7 @@ class QuietMinds:
         if self._plan is not None:
             state.assign(TICK, self._everybody, float(tick))
             state.assign(TIME_SLOT, self._everybody, float(now))
-            self._fleet.end_round(self._everybody)
+            self._fleet.tidy()  # all of what follows a round: nobody rested before, and these rules let nobody rest
 
     def finish(self, leg: int) -> None:
         """The native code of this leg has left robots in the latest tick: walk them, and let all run the rest of their

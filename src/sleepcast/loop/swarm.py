@@ -510,7 +510,7 @@ def _report(swarm: Swarm) -> None:
 def _sample(swarm: Swarm) -> None:
     """All operators hear the same telemetry: they sit at one place."""
     sampled = swarm.radio.samples()
-    swarm.sense(swarm.fleet.rows(sampled))
+    swarm.sense(None if sampled.size == len(swarm.fleet) else swarm.fleet.rows(sampled))
     for desk in swarm.desks:
         desk.observe_many(swarm.now(), sampled)
 

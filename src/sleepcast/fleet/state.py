@@ -292,7 +292,7 @@ class MindNames:
         return self._mind.heard()
 
 
-class SharedMinds(WeakValueDictionary[MindKey, Mind]):
+class EqualMinds(WeakValueDictionary[MindKey, Mind]):
     """The minds of all fleets whose vocabularies were made `anew` from one: equal ones are one and the same."""
 
 
@@ -303,7 +303,7 @@ class Minds:
         self.vocabulary, self.library = vocabulary, Library(vocabulary)
         self._minds: dict[int, Mind] = {}
         self._numbers: dict[MindKey, int] = {}
-        self._shared = vocabulary.common(SharedMinds)
+        self._shared = vocabulary.common(EqualMinds)
         self._next = 0
         self.add(Mind({}, *learned_at_first(vocabulary, self.library)))
 

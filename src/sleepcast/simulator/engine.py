@@ -159,6 +159,17 @@ def has_numba() -> bool:
     return find_spec("numba") is not None and find_spec("llvmlite") is not None
 
 
+def keeps_kernels() -> bool:
+    """Whether this computer has compiled what moves bodies and makes quiet ticks: then it is called without numba, and
+    takes no time to load."""
+    if not has_numba() or os.path.isfile(NUMBA_SETTINGS):
+        return False
+    from sleepcast.simulator.simd.cached import ENTRIES, ROOM_NAME, piece_name, readable
+
+    latest = ("motion.kernels_motion", "displace"), ("quiet.kernels_quiet", "quiet")  # others are compiled before them
+    return readable() and all(ENTRIES.names(piece_name(f"{ROOM_NAME}.{module}", name)) for module, name in latest)
+
+
 def choose(name: str | None = None, threads: int | None = None) -> Machine:
     """The backend `name`, "numpy" or "numba"; None chooses the fastest one installed. threads: None means one per core.
     Raises MisuseError for an unknown or missing backend."""

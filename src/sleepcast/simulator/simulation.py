@@ -18,7 +18,7 @@ from sleepcast.simulator.bodies.body import TUMBLE, Body, model_of
 from sleepcast.simulator.bodies.payload import Payload
 from sleepcast.simulator.bodies.proximity import Sonars
 from sleepcast.simulator.bodies.senses import Senses
-from sleepcast.simulator.engine import Machine, choose, cores
+from sleepcast.simulator.engine import Machine, choose, cores, keeps_kernels
 from sleepcast.simulator.motion import encoders, steps
 from sleepcast.simulator.motion.driving import bounded
 from sleepcast.simulator.motion.steps import Displacement, Draws, Settled, clear
@@ -41,7 +41,7 @@ class Simulator:
     payload: what a program adds to the bodies
     machine: the array backend (see `engine`). None chooses the fastest one installed, on `threads` threads (None: one
         per core); but NumPy for robots without bumpers and sonars that do not sense their neighbours, for which it is
-        fast enough.
+        fast enough, as long as this computer has not compiled the kernels for others.
     names, robots: one for each robot, by its index; a robot's own number is its index + 1
     model: the robots' common model
     """
@@ -58,7 +58,8 @@ class Simulator:
         self.seed = scenario.seed if seed is None else read_seed(seed)
         if machine is None:
             blind = scenario.robots.ring is None and not scenario.robots.bumpers
-            machine = choose("numpy" if blind and scenario.neighbours is None else None, threads)
+            light = blind and scenario.neighbours is None
+            machine = choose("numpy" if light and not keeps_kernels() else None, threads)
         self.pool = machine.pool or ThreadPool(threads or cores())
         """The threads available to the simulator."""
         self.payload = payload

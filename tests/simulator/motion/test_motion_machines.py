@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from machines import ALL, MACHINES
-from sleepcast.simulator import Simulator
+from sleepcast.simulator import Simulator, find_scenario, scenario_names
 from sleepcast.simulator.bodies.bodies import Mode
 from sleepcast.simulator.engine import Machine, choose
 from sleepcast.simulator.motion.driving import arc
@@ -108,6 +108,22 @@ def test_machines_agree_on_bodies_without_wheels(tmp_path: Path, bumpers: str) -
     assert not bodies.laws.track
     assert (bodies.stores[0] == 0.0).any()
     assert (bodies.stores[0] > 0.0).any()
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_machines_agree_on_the_gallery_without_sonars(name: str) -> None:
+    scenario = find_scenario(name)
+    if any(spec.ring for spec in scenario.each_type):
+        return
+    hashes = set()
+    for machine in ALL:
+        sim = Simulator(scenario, 3, machine)
+        for number, body in enumerate([*sim.robots][:30]):
+            (body.wander, body.tumble, lambda each=body: each.go_to(1.0, 1.0))[number % 3]()
+        for _ in range(40):
+            sim.step()
+        hashes.add(sim.state_hash())
+    assert len(hashes) == 1
 
 
 def test_threads_do_not_matter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

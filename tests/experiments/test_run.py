@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import pickle
@@ -12,6 +13,7 @@ import sqlite3
 import subprocess
 import sys
 import time
+import weakref
 from contextlib import suppress
 from math import inf, isnan
 from multiprocessing import active_children
@@ -813,7 +815,7 @@ class TestCluster:
 class TestRunsOfAPoint:
     """Runs that one process does one after the other have much in common, and are the same as each alone."""
 
-    @pytest.mark.parametrize("name", ["crowd", "vicsek", "maze", "two-desks", "energy"])
+    @pytest.mark.parametrize("name", ["crowd", "vicsek", "maze", "two-desks", "energy", "society", "gauci"])
     def test_a_run_after_others_is_the_same_to_the_last_bit(self, name: str) -> None:
         over = ["robots.count=20"]
         wanted = experiment_of(name, over=over, measures=["mean x"], seeds=3, seconds=2.0, every=1.0)
@@ -828,8 +830,10 @@ class TestRunsOfAPoint:
                 each_fleet.run(2.0)
             assert fleet.snapshot() == alone_fleet.snapshot()
 
-    def test_rules_that_were_compiled_in_one_run_are_native_from_the_first_tick_of_the_next(self) -> None:
-        wanted = experiment(over=FEW, seeds=2)
+    @pytest.mark.parametrize("name", ["crowd", "vicsek", "gauci", "best-of-n"])
+    def test_rules_that_were_compiled_in_one_run_are_native_from_the_first_tick_of_the_next(self, name: str) -> None:
+        """Those that call functions of the body, too: they call those of its own world."""
+        wanted = experiment_of(name, over=["robots.count=20"], measures=["mean x"], seeds=2)
         first, second = wanted.runs()
         runner = Runner(wanted)
         for each, native in ((first, False), (second, True)):
@@ -840,8 +844,22 @@ class TestRunsOfAPoint:
                 if kernels is None:
                     pytest.skip("without llvmlite nothing is native")
                 assert (kernels.plan(minds.memory.mind_of(0), minds.state) is not None) == native
-                fleet.swarm.run(1.0)
+                for _ in range(8):
+                    fleet.swarm.step()
                 kernels.settle()
+
+    def test_nothing_of_a_world_is_held_on_to(self) -> None:
+        wanted = experiment_of("best-of-n", over=["robots.count=20"], measures=["mean x"], seeds=2)
+        runner, seen = Runner(wanted), []
+        for each in wanted.runs():
+            with runner.opened(each) as fleet:
+                fleet.run(1.0)
+                if fleet.swarm.fleet.kernels is not None:
+                    fleet.swarm.fleet.kernels.settle()
+                seen.append(weakref.ref(fleet.swarm.simulator.bodies))
+            del fleet
+        gc.collect()
+        assert [each() for each in seen] == [None, None]
 
     def test_points_differ_and_a_failed_run_leaves_nothing_behind(self) -> None:
         wanted = experiment(over=["robots.count=10,11", "radio.loss=0,0.9"], seeds=2)

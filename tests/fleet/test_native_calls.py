@@ -45,7 +45,7 @@ ACTS = (
 def swarm(scenario: Scenario, native: bool, threads: int = 1) -> Swarm:
     """A swarm whose rules are all native from the first tick on, or all walked."""
     made = swarm_of(scenario, threads=threads)
-    kernels = Kernels(hot=0, pool=ThreadPool(threads), calls=True) if native else None
+    kernels = Kernels(hot=0, pool=ThreadPool(threads), bodies=made.simulator.robots) if native else None
     made.fleet.kernels = made.fleet.memory.kernels = kernels
     return made
 

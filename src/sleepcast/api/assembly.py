@@ -38,20 +38,13 @@ class Common:
     def vocabulary_of(self, model: RobotModel) -> Vocabulary:
         """The vocabulary of the next swarm, whose robots are of this model."""
         if self._first is None:
-            bodiless = tuple(
-                replace(each, call=_of_nobody, many=None, native=None, writes=()) for each in model.functions
-            )
-            self._first = vocabulary_of(replace(model, functions=bodiless))  # nothing of the first swarm is held on to
-        return self._first.anew(model.functions)
+            self._first = vocabulary_of(model)
+        return self._first.anew()
 
 
 def _anywhere(scenario: Scenario) -> Scenario:
     """A scenario without what depends on its seed."""
     return replace(scenario, seed=0, shapes=(), origin="")
-
-
-def _of_nobody(*_: object) -> float:
-    raise TypeError("a function of robots that are no more")
 
 
 def assemble(
@@ -71,10 +64,10 @@ def assemble(
     threads: None is one for each core.
     journal: None is one in memory.
     payload: what a program adds to the bodies.
-    common: what it has in common with others, without a payload; None for nothing.
+    common: what it has in common with others; None for nothing, as with a payload, whose functions are of its objects.
     """
     simulator = Simulator(scenario, seed, threads=threads, payload=payload)
-    names = None if common is None else common.vocabulary_of(simulator.model)
+    names = None if common is None or payload else common.vocabulary_of(simulator.model)
     swarm = Swarm(simulator, scenario.mission if mission else (), names)
     station = station_of(swarm, journal)
     swarm.desk = station

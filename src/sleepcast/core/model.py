@@ -87,16 +87,22 @@ class NativeForm(Protocol):
     def takes(self, arguments: Sequence[float | None], /) -> bool:
         """Whether it may be called with these."""
 
-    def bound(self, arguments: Sequence[float | None], /) -> NativeCall | None:
-        """How it is called with these from now on, for all robots; None where that cannot be compiled. May take long,
-        and may be called from any thread."""
+    def bound(self, bodies: Any, arguments: Sequence[float | None], /) -> NativeCall | None:
+        """How it is called with these from now on, for all robots of a fleet, whose bodies are given; None where that
+        cannot be compiled. May take long, and may be called from any thread."""
 
 
 class BodyColumn(NamedTuple):
-    """An array of a body's simulator, one element of one or eight bytes a robot. name: tells it from others."""
+    """An array of a body's simulator.
+
+    name: tells it from others
+    size: bytes of its elements, one for each robot: one or eight
+    of: gives the array of the bodies of a fleet
+    """
 
     name: str
-    values: Any
+    size: int
+    of: Callable[[Any], Any]
 
 
 class Writing(NamedTuple):
@@ -119,7 +125,8 @@ class Writing(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class HostFunction:
-    """A function of the robot's own software.
+    """A function of the robot's own software: which one, and how it is called on whatever body. It holds nothing of any
+    robot, so that those of one type share it, in however many worlds they live.
 
     dimensions: one for each argument, None where any will do; `least` arguments must be given.
     result: dimension of the value.

@@ -27,7 +27,7 @@ from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.model import RestState
 from sleepcast.core.threads import ThreadPool
 from sleepcast.fleet.authority import FleetAuthority
-from sleepcast.fleet.bodies import FleetBodies, ManyBodies
+from sleepcast.fleet.bodies import FleetBodies
 from sleepcast.fleet.inspection import (
     EvaluationLog,
     FleetTelemetry,
@@ -351,7 +351,7 @@ class Fleet(Mapping[str, RobotView]):
         self.outbox = Outbox(self.state, self.names)
         self.kernels: Kernels | None = None
         if native and available():
-            self.kernels = Kernels(pool=pool, calls=isinstance(bodies, ManyBodies), made=vocabulary.common(MadeKernels))
+            self.kernels = Kernels(pool=pool, bodies=bodies, made=vocabulary.common(MadeKernels))
         self.memory = FleetMemory(self.state, self.minds, self.outbox, bodies, self.kernels)
         self.evaluation_log = EvaluationLog(self.memory)
         self.authority = FleetAuthority(self.state, tells=tells, lease=lease)

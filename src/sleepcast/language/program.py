@@ -114,7 +114,6 @@ class Program:
         ops = {part.op for part in parts}
         self.acts = any(map(is_acting, parts))
         self.chancy = not CHANCY.isdisjoint(ops)
-        self.asks = "host" in ops or "linked" in ops
 
     def _find_test(self) -> Program | None:
         part = deciding(self.root)
@@ -257,7 +256,7 @@ class Library:
         program = None if known is None else known.find(text, parameters, names)
         if program is None:
             program = _checked(text, forms(), names, parameters)
-            if known is not None and not program.asks:  # a function is of the bodies of one world
+            if known is not None:
                 known.keep(program, parameters, before, names)
         return program
 

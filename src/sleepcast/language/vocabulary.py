@@ -9,7 +9,7 @@ Names are compared case-folded, in one namespace; a clash is refused when it is 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, field
 from enum import Enum
@@ -160,14 +160,10 @@ class Vocabulary:
         """The one that this was made `anew` from; itself otherwise."""
         return self._first or self
 
-    def anew(self, functions: Sequence[HostFunction] | None = None) -> Vocabulary:
-        """The same names for other robots of this type, which have learned nothing yet; see `common`. functions: of
-        their bodies, the same but for what they call; None for the same ones."""
+    def anew(self) -> Vocabulary:
+        """The same names for other robots of this type, which have learned nothing yet; see `common`."""
         other = copy(self)
         other.user_slots, other._first = {}, self.first
-        if functions is not None:
-            other.functions = tuple(functions)
-            other.bindings = self.bindings | {each.name.casefold(): each for each in functions}
         return other
 
     def common(self, kind: type[Thing]) -> Thing | None:

@@ -14,10 +14,10 @@ from sleepcast.core.given_numbers import read_seed
 from sleepcast.core.threads import ThreadPool
 from sleepcast.robot import RobotModel
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Flags, Floats, Mode, Saying, Whole
-from sleepcast.simulator.bodies.body import TUMBLE, Body, model_of
+from sleepcast.simulator.bodies.body import TUMBLE, Body, BodySenses, model_of
 from sleepcast.simulator.bodies.payload import Payload
 from sleepcast.simulator.bodies.proximity import Sonars
-from sleepcast.simulator.bodies.senses import Senses
+from sleepcast.simulator.bodies.senses import Senses, functions_of
 from sleepcast.simulator.engine import Machine, choose, cores, keeps_kernels
 from sleepcast.simulator.motion import encoders, steps
 from sleepcast.simulator.motion.driving import bounded
@@ -67,10 +67,10 @@ class Simulator:
         self.world = self.bodies.world
         """The solid things; they may be changed between ticks."""
         self.senses = Senses(self.bodies)
-        functions = (*self.senses.functions, *payload.functions) if payload else self.senses.functions
-        self.model = model_of(scenario, self.bodies, functions, payload.actuators if payload else ())
+        functions = (*functions_of(scenario), *(payload.functions if payload else ()))
+        self.model = model_of(scenario, self.bodies.sensors, functions, payload.actuators if payload else ())
         self.names = names_of(scenario.each_type, scenario.robots.count)
-        self.robots = Robots(self.bodies, self.model)
+        self.robots = Robots(self.bodies, self.senses, self.model)
         self._pinged = np.zeros(scenario.robots.count, np.uint8)
         self.measuring = Measuring(scenario.measures, scenario.tick, self.bodies.x, self.bodies.y)
         self._halted = np.zeros(scenario.robots.count, bool)
@@ -214,11 +214,11 @@ class Simulator:
 class Robots(Sequence[Body]):
     """The bodies by index, and the functions of `Body` for many robots at once, with the same results."""
 
-    def __init__(self, bodies: Bodies, model: RobotModel) -> None:
-        self._bodies, self._model = bodies, model
+    def __init__(self, bodies: Bodies, senses: BodySenses, model: RobotModel) -> None:
+        self.bodies, self.senses, self._model = bodies, senses, model
 
     def __len__(self) -> int:
-        return self._bodies.count
+        return self.bodies.count
 
     @overload
     def __getitem__(self, number: int) -> Body: ...
@@ -229,49 +229,49 @@ class Robots(Sequence[Body]):
     def __getitem__(self, number: int | slice) -> Body | list[Body]:
         if isinstance(number, slice):
             return [self[i] for i in range(*number.indices(len(self)))]
-        return Body(self._bodies, self._model, range(len(self))[number])
+        return Body(self.bodies, self.senses, self._model, range(len(self))[number])
 
     def stop(self, robots: Whole) -> None:
         """See `Robot.stop`."""
         self.halt(robots)
-        self._bodies.stopped[robots] = True
+        self.bodies.stopped[robots] = True
 
     def release(self, robots: Whole) -> None:
         """See `Robot.release`."""
-        self._bodies.stopped[robots] = False
+        self.bodies.stopped[robots] = False
 
     def hold(self, robots: Whole, still: Flags) -> None:
         """See `Robot.hold`; still: one flag per robot."""
-        self._bodies.held[robots] = still
+        self.bodies.held[robots] = still
 
     def rest_states(self, robots: Whole) -> tuple[Floats, Floats]:
         """See `RestState`: speeds and distances."""
-        return self._bodies.rest_states(robots)
+        return self.bodies.rest_states(robots)
 
     # ---- the functions of `Body`, with one array for each argument
 
     def drive(self, robots: Whole, speed: Floats, turn_rate: Floats) -> None:
-        bodies, free = self._bodies, ~self._bodies.stopped[robots]
+        bodies, free = self.bodies, ~self.bodies.stopped[robots]
         moving = robots[free]
         bodies.mode[moving] = Mode.DRIVE
         bodies.wanted_speed[moving], bodies.wanted_turn[moving] = speed[free], turn_rate[free]
 
     def go_to(self, robots: Whole, x: Floats, y: Floats) -> None:
-        bodies, free = self._bodies, ~self._bodies.stopped[robots]
+        bodies, free = self.bodies, ~self.bodies.stopped[robots]
         moving = robots[free]
         bodies.mode[moving] = Mode.GOTO
         bodies.target_x[moving], bodies.target_y[moving] = bodies.aimed(x[free], y[free])
 
     def wander(self, robots: Whole) -> None:
-        self._bodies.mode[robots[~self._bodies.stopped[robots]]] = Mode.WANDER
+        self.bodies.mode[robots[~self.bodies.stopped[robots]]] = Mode.WANDER
 
     def halt(self, robots: Whole) -> None:
         at_rest = np.zeros(len(robots))
         self.drive(robots, at_rest, at_rest)
-        self._bodies.swing[robots] = 0.0
+        self.bodies.swing[robots] = 0.0
 
     def tumble(self, robots: Whole) -> Floats:
-        bodies = self._bodies
+        bodies = self.bodies
         drawn = bodies.drawn(f"tumble {bodies.tick}", bodies.numbers[robots])
         sides = np.where(drawn < 0.5, 1.0, -1.0)
         free = ~bodies.stopped[robots]
@@ -279,7 +279,7 @@ class Robots(Sequence[Body]):
         return sides
 
     def turn_wheels(self, robots: Whole, right: Floats, left: Floats) -> None:
-        wheels = self._bodies.scenario.robots.wheels
+        wheels = self.bodies.scenario.robots.wheels
         assert wheels
         self.drive(robots, (right + left) / 2.0, (right - left) / wheels.track)
 
@@ -287,21 +287,21 @@ class Robots(Sequence[Body]):
         self.turn_wheels(robots, right * TENTH, left * TENTH)
 
     def sonar(self, robots: Whole, which: Floats) -> Floats:
-        if not isinstance(self._bodies.sonars, Sonars):
+        if not isinstance(self.bodies.sonars, Sonars):
             return np.array([self[i].sonar(one) for i, one in zip(robots.tolist(), which.tolist(), strict=True)])
-        asked = np.mod(np.trunc(which), self._bodies.sonars.ring.count).astype(np.int64)
-        ranges = self._bodies.sonar_ranges(robots.tolist(), {*asked.tolist()})
+        asked = np.mod(np.trunc(which), self.bodies.sonars.ring.count).astype(np.int64)
+        ranges = self.bodies.sonar_ranges(robots.tolist(), {*asked.tolist()})
         readings: Floats = ranges[np.arange(len(robots)), asked]
         return readings
 
     def nearest(self, robots: Whole, first: Floats, last: Floats) -> Floats:
-        sonars = self._bodies.sonars
+        sonars = self.bodies.sonars
         if not isinstance(sonars, Sonars):
             ends = zip(robots.tolist(), first.tolist(), last.tolist(), strict=True)
             return np.array([self[i].nearest(*angles) for i, *angles in ends])
         wide = np.where(last - first >= TURN, last - first, np.mod(last - first, TURN))
         within = np.mod(sonars.cones.axes - first[:, None], TURN) <= wide[:, None]
-        nearest: Floats = np.where(within, self._bodies.sonar_ranges(robots.tolist()), sonars.ring.most).min(axis=1)
+        nearest: Floats = np.where(within, self.bodies.sonar_ranges(robots.tolist()), sonars.ring.most).min(axis=1)
         return nearest
 
 

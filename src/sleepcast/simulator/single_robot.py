@@ -38,7 +38,7 @@ class SingleRobot(Body):
     __slots__ = ("_clock", "_limits", "_simulator", "_start")
 
     def __init__(self, simulator: Simulator, clock: Clock | None, limits: SafetyLimits | None = None) -> None:
-        super().__init__(simulator.bodies, simulator.model, 0)
+        super().__init__(simulator.bodies, simulator.senses, simulator.model, 0)
         self._simulator, self._clock, self._limits = simulator, clock, limits
         self._start = 0.0 if clock is None else clock.now()
 

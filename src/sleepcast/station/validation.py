@@ -281,10 +281,9 @@ class FleetNames:
             asked = _AnsweredNames(self)
             checked = check(text, asked)
             asked.forget_whom()
-            if checked.program is None or not checked.program.asks:  # a function is of the bodies of one world
-                if len(known) >= MAX_CHECKED:
-                    known.clear()
-                known[key] = asked, checked
+            if len(known) >= MAX_CHECKED:
+                known.clear()
+            known[key] = asked, checked
         return checked
 
 

@@ -293,7 +293,7 @@ def test_native_code_is_given_the_same_and_can_begin_a_tick(errors: str, tmp_pat
         assert function.native
         assert function.native.takes((300.0,))
         assert not function.native.takes((None,))
-        calls[name] = function.native.bound((300.0,))
+        calls[name] = function.native.bound(sims[0].robots, (300.0,))
     found = []
     for tick in range(3):
         for sim in sims:

@@ -242,22 +242,28 @@ class Writer:
 
 
 class Kernel:
-    """The native code of some programs in sequence, for robots on which their names have the same meaning."""
+    """The native code of some programs in sequence, for robots on which their names have the same meaning.
+
+    bodies: those of the fleet, if it may call the robots' own functions, or do what they do
+    """
 
     def __init__(
-        self, programs: Sequence[Program], names: Meaning, lanes: int, *, counted: bool = True, calls: bool = False
+        self,
+        programs: Sequence[Program],
+        names: Meaning,
+        lanes: int,
+        *,
+        counted: bool = True,
+        bodies: object | None = None,
     ) -> None:
+        calls = bodies is not None
         writer = Writer(programs, names, lanes, counted, calls)
         text = writer.text()
-        self._bodies = writer.bodies
-        self.called = [_bound(*each) for each in writer.called]
-        """How the functions are called that it calls."""
+        self._columns, self._calls = writer.bodies, writer.called
         self.pings = writer.pings
         """Whether there are pings to be taken after it."""
         self.functions = {each.name for each in writer.own}
         """The names of the robots' own functions in it."""
-        self.prepared = sorted({(each.prepare, each.senses) for each in self.called})
-        """The functions to be called before it, each with the address of its only argument."""
         self._entries, self._count = list(writer.entries), len(programs)
         sizes = [Size(program, names, calls=calls) for program in programs]
         self.lanes, self.parts = lanes, sum(size.parts for size in sizes) + CALLED * writer.sensing
@@ -270,6 +276,13 @@ class Kernel:
         self._acted = [which for column, which in self._entries if column == "acted" and isinstance(which, int)]
         self._groups = [which for column, which in self._entries if column == "group" and isinstance(which, str)]
         self.code = _compiled(text)
+        self._begin(bodies, [_bound(bodies, *each) for each in self._calls])
+
+    def _begin(self, bodies: object | None, called: list[NativeCall]) -> None:
+        """Be the code of the fleet with these bodies. called: how its functions are called."""
+        self._bodies, self.called = bodies, called
+        self.prepared = sorted({(each.prepare, each.senses) for each in called})
+        """The functions to be called before it, each with the address of its only argument."""
         self._bound: list[object] = []
         self._kept: list[NDArray[np.generic]] = []
         self.bindings = 0
@@ -278,16 +291,20 @@ class Kernel:
         self.table = self._table.ctypes.data
         """The address of the table that the code gets."""
         for number, (column, which) in enumerate(self._entries):
-            if column in ("function", "context") and isinstance(which, int):
-                call = self.called[which]
+            if called and column in ("function", "context") and isinstance(which, int):
+                call = called[which]
                 self._table[number] = call.call if column == "function" else call.context
 
-    def unbound(self) -> Kernel:
-        """The same code for another fleet. It calls none of its bodies' functions."""
+    def of(self, bodies: object | None) -> Kernel:
+        """The same code for another fleet, with these bodies. Raises UncompiledError."""
         other = copy(self)
-        other._bound, other._kept, other.bindings = [], [], 0
-        other._table = self._table.copy()
-        other.table = other._table.ctypes.data
+        other._begin(bodies, [_bound(bodies, *each) for each in self._calls])
+        return other
+
+    def unbound(self) -> Kernel:
+        """The same code for nobody yet: it holds nothing of this fleet, and can only be made one `of` another."""
+        other = copy(self)
+        other._begin(None, [])
         return other
 
     def run(
@@ -356,7 +373,7 @@ class Kernel:
             if column in ("tick", "time", "function", "context"):
                 continue
             body = column in ("body", "body_real") and isinstance(which, str)
-            array = self._bodies[str(which)].values if body else _array(state, part, sinks, column, which)
+            array = self._columns[str(which)].of(self._bodies) if body else _array(state, part, sinks, column, which)
             array = nobody if array is None else array
             if not array.flags.c_contiguous or array.itemsize != ELEMENTS[column][1] or array.size != state.count:
                 return False
@@ -399,8 +416,9 @@ class UncompiledError(SleepcastError):
     """A function that native code was to call cannot be compiled on this computer, so that its rules are walked."""
 
 
-def _bound(function: HostFunction, constants: tuple[float | None, ...]) -> NativeCall:
-    call = None if function.native is None else function.native.bound(constants)
+def _bound(bodies: object, function: HostFunction, constants: tuple[float | None, ...]) -> NativeCall:
+    """How a function of these bodies is called. Raises UncompiledError."""
+    call = None if function.native is None else function.native.bound(bodies, constants)
     if call is None:
         raise UncompiledError(f"{function.name} has no native code here")
     return call

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from sleepcast.columns.values import Column, Rows
 from sleepcast.core.arrays import filled
 from sleepcast.core.threads import ThreadPool
+from sleepcast.fleet.bodies import ManyBodies
 from sleepcast.fleet.evaluation import FleetEvaluation
 from sleepcast.fleet.native.compiler import LANES, THERE, TROUBLED, Kernel, ResultColumns, UncompiledError, moment
 from sleepcast.fleet.native.symbols import Name, Size, meaning, name_of
@@ -81,23 +82,29 @@ class SequencePlan:
 
 
 class MadeKernels(dict[tuple[tuple[Rule, ...], int], Kernel]):
-    """Native code that calls nothing of a body, by piece and number of lanes: for all fleets whose vocabularies were
-    made `anew` from one, so that the second one has it from its first tick."""
+    """Native code by piece and number of lanes: for all fleets whose vocabularies were made `anew` from one, so that
+    the second one has it from its first tick."""
 
 
 class Kernels:
     """The native code of a fleet's programs.
 
     hot: see `HOT`; with 0 nothing that could be native is ever walked, because evaluation waits for the code. pool:
-    the threads that share large amounts of work. calls: whether rules may call the robots' own functions, because the
-    bodies of the fleet are those that the functions are of. made: for fleets like this one; None for nothing.
+    the threads that share large amounts of work. bodies: of the fleet; if they are `ManyBodies`, rules may call the
+    robots' own functions. made: for fleets like this one; None for nothing.
     """
 
     def __init__(
-        self, hot: int = HOT, pool: ThreadPool | None = None, *, calls: bool = False, made: MadeKernels | None = None
+        self,
+        hot: int = HOT,
+        pool: ThreadPool | None = None,
+        *,
+        bodies: object | None = None,
+        made: MadeKernels | None = None,
     ) -> None:
         self._made = made
-        self._hot, self._pool, self._calls = hot, pool or ThreadPool(THREADS), calls
+        self._hot, self._pool = hot, pool or ThreadPool(THREADS)
+        self._bodies = bodies if isinstance(bodies, ManyBodies) else None
         self._plans: dict[tuple[tuple[str, ...], tuple[Rule, ...]], SequencePlan] = {}
         self._of_mind: WeakKeyDictionary[Mind, SequencePlan] = WeakKeyDictionary()
         self._rules: dict[tuple[Rule, ...], Future[Kernel]] = {}
@@ -121,7 +128,9 @@ class Kernels:
                 self._plans.clear()
             plan = self._plans.get((mind.sequence, rules))
             if plan is None:
-                plan = self._plans[mind.sequence, rules] = SequencePlan(mind.sequence, rules, calls=self._calls)
+                plan = self._plans[mind.sequence, rules] = SequencePlan(
+                    mind.sequence, rules, calls=self._bodies is not None
+                )
                 self._take_over(plan, lanes(state))
             self._of_mind[mind] = plan
         plan.rounds += 1
@@ -158,17 +167,19 @@ class Kernels:
             made = None if self._made is None else self._made.get((piece, lanes))
             if made is not None and piece not in self._rules:
                 ready = self._rules[piece] = Future[Kernel]()
-                ready.set_result(made.unbound())
+                try:
+                    ready.set_result(made.of(self._bodies))
+                except UncompiledError as error:
+                    ready.set_exception(error)
                 self._ready += 1
 
     def _leave(self, piece: tuple[Rule, ...], lanes: int, future: Future[Kernel]) -> None:
-        """Let other fleets use what was made for this one, if it calls nothing of its bodies."""
-        kernel = None if future.exception() else future.result()
-        if kernel is None or kernel.functions or self._made is None:
+        """Let other fleets use what was made for this one."""
+        if future.exception() or self._made is None:
             return
         if len(self._made) >= MAX_KERNELS:
             self._made.clear()
-        self._made[piece, lanes] = kernel.unbound()
+        self._made[piece, lanes] = future.result().unbound()
 
     def _ask_for(self, plan: SequencePlan, state: FleetState) -> None:
         if len(self._rules) >= MAX_KERNELS:
@@ -177,7 +188,7 @@ class Kernels:
             if piece not in self._rules:
                 names = {name: meant for _, some in piece for name, meant in some}
                 programs = [program for program, _ in piece]
-                made = self._maker.submit(Kernel, programs, names, lanes(state), calls=self._calls)
+                made = self._maker.submit(Kernel, programs, names, lanes(state), bodies=self._bodies)
                 self._rules[piece] = made
                 made.add_done_callback(partial(self._leave, piece, lanes(state)))
                 made.add_done_callback(self._count)

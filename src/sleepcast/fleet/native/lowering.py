@@ -82,7 +82,7 @@ Call: TypeAlias = Callable[[HostFunction, tuple[float | None, ...], Sequence[str
 
 def kind_of(column: BodyColumn) -> str:
     """The kind of column, of `ELEMENTS`, for the elements of a body's column."""
-    return "body" if column.values.itemsize == 1 else "body_real"
+    return "body" if column.size == 1 else "body_real"
 
 
 class Lowering:

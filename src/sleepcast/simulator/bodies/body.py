@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import isfinite, isnan, pi
-from typing import Any
+from operator import attrgetter
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -28,17 +29,27 @@ TUMBLE = 67.0 * pi / 180.0
 """Angle of a tumble, to one side or the other, as of Hoskins's vehicles."""
 
 
+Sense = TypeVar("Sense")
+
+
+class BodySenses(Protocol):
+    """What simulates the senses of all bodies of a world."""
+
+    def of(self, kind: type[Sense], /) -> Sense:
+        """The part of this kind. Raises KeyError where the world has none."""
+
+
 class LackError(SleepcastError):
     """A robot was asked for something that its type does not have."""
 
 
 class Body:
-    """The body of the robot with index `number`."""
+    """The body of the robot with index `number`. senses: those of all bodies, for the functions that need them."""
 
-    __slots__ = ("_bodies", "model", "number")
+    __slots__ = ("_bodies", "model", "number", "senses")
 
-    def __init__(self, bodies: Bodies, model: RobotModel, number: int) -> None:
-        self._bodies, self.model, self.number = bodies, model, number
+    def __init__(self, bodies: Bodies, senses: BodySenses, model: RobotModel, number: int) -> None:
+        self._bodies, self.senses, self.model, self.number = bodies, senses, model, number
 
     @property
     def stopped(self) -> bool:
@@ -137,20 +148,20 @@ class Body:
 
 
 def acting(
-    name: str, dimension: Dimension, argument: str, doc: str, act: Callable[[Whole, Floats], None]
+    name: str, dimension: Dimension, argument: str, doc: str, act: Callable[[BodySenses, Whole, Floats], None]
 ) -> HostFunction:
     """A function that acts without moving the body.
 
     name, doc: of the function
     argument, dimension: of the one number that it takes
-    act: does it for many bodies: their indices, and the number of each
+    act: does it for many bodies of these senses: their indices, and the number of each
     """
 
-    def many(bodies: object, robots: Whole, numbers: Floats) -> None:
-        act(robots, numbers)
+    def many(bodies: Any, robots: Whole, numbers: Floats) -> None:
+        act(bodies.senses, robots, numbers)
 
     def call(body: Body, number: float) -> None:
-        act(np.array([body.number]), np.array([number]))
+        act(body.senses, np.array([body.number]), np.array([number]))
 
     return HostFunction(name, call, (dimension,), arguments=argument, doc=doc, many=many, moves=False)
 
@@ -247,42 +258,47 @@ def _reading(ring: Ring) -> tuple[HostFunction, ...]:
     return tuple(replace(each, reads=reads) if each.name == "SONAR" else each for each in SONAR_FUNCTIONS)
 
 
-def _writes(bodies: Bodies) -> dict[str, tuple[Writing, ...]]:
+def _column(name: str, size: int) -> BodyColumn:
+    """The array of `Bodies` of this name."""
+    return BodyColumn(name, size, attrgetter(f"bodies.{name}"))
+
+
+def _writes(scenario: Scenario) -> dict[str, tuple[Writing, ...]]:
     """What those functions write that do nothing else, by name. Bodies move in the next tick, so nobody senses it in
     this one."""
-    stopped, mode = BodyColumn("stopped", bodies.stopped), BodyColumn("mode", bodies.mode)
-    speed, turn = BodyColumn("wanted_speed", bodies.wanted_speed), BodyColumn("wanted_turn", bodies.wanted_turn)
+    stopped, mode = _column("stopped", 1), _column("mode", 1)
+    speed, turn = _column("wanted_speed", 8), _column("wanted_turn", 8)
     driving = Writing(mode, value=float(Mode.DRIVE), unless=stopped)
-    left, bottom, right, top = bodies.fence
     going = (
         Writing(mode, value=float(Mode.GOTO), unless=stopped),
-        Writing(BodyColumn("target_x", bodies.target_x), 0, unless=stopped, low=left, high=right),
-        Writing(BodyColumn("target_y", bodies.target_y), 1, unless=stopped, low=bottom, high=top),
+        Writing(_column("target_x", 8), 0, unless=stopped, low=0.0, high=scenario.width),
+        Writing(_column("target_y", 8), 1, unless=stopped, low=0.0, high=scenario.height),
     )
     resting = (driving, Writing(speed, unless=stopped), Writing(turn, unless=stopped))
     return {
         "DRIVE": (driving, Writing(speed, 0, unless=stopped), Writing(turn, 1, unless=stopped)),
-        "GOTO": going if bodies.scenario.around == PLAIN else (),  # around a torus, points are divided by its size
+        "GOTO": going if scenario.around == PLAIN else (),  # around a torus, points are divided by its size
         "WANDER": (Writing(mode, value=float(Mode.WANDER), unless=stopped),),
-        "ST": (*resting, Writing(BodyColumn("swing", bodies.swing))),
+        "ST": (*resting, Writing(_column("swing", 8))),
     }
 
 
 def model_of(
     scenario: Scenario,
-    bodies: Bodies,
+    sensors: tuple[Quantity, ...],
     functions: tuple[HostFunction, ...] = (),
     actuators: tuple[Quantity, ...] = (),
 ) -> RobotModel:
-    """The common model of all robots of the scenario. functions, actuators: of their senses and their payload."""
+    """The common model of all robots of the scenario. sensors: but those of sonars. functions, actuators: of their
+    senses and their payload."""
     robots = scenario.robots
     speed, turn = robots.limits.speed, robots.limits.turn_rate
     wheels = NOMAD_FUNCTIONS if scenario.nomad else WHEEL_FUNCTIONS
-    writes = _writes(bodies)
+    writes = _writes(scenario)
     sonars = _reading(robots.ring) if robots.ring and not scenario.sorts else SONAR_FUNCTIONS
     return RobotModel(
         robots.type,
-        sensors=(*bodies.sensors, *(sonar_sensors(robots.ring, scenario.length_unit) if robots.ring else ())),
+        sensors=(*sensors, *(sonar_sensors(robots.ring, scenario.length_unit) if robots.ring else ())),
         actuators=(
             Quantity("drive_speed", "m/s", -speed, speed, doc="drives at this speed", shown_as=robots.speed_unit),
             Quantity("drive_turn", "rad/s", -turn, turn, doc="turns at this rate", shown_as="deg/s"),

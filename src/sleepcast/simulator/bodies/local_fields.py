@@ -7,12 +7,14 @@ on every processor. Lengths in m, values in SI.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.model import HostFunction
 from sleepcast.simulator.bodies.bodies import Bodies, Floats, Whole
-from sleepcast.simulator.bodies.body import acting
+from sleepcast.simulator.bodies.body import BodySenses, acting
 from sleepcast.simulator.bodies.growing_field import ADD, TAKE, GrowingField
 from sleepcast.simulator.scenario.fields import (
     Field,
@@ -33,7 +35,7 @@ ROOT_OF_E = 1.6487212707001282
 
 
 class LocalFields:
-    """The fields of the scenario of all `bodies`. functions: what expressions may call."""
+    """The fields of the scenario of all `bodies`."""
 
     def __init__(self, bodies: Bodies) -> None:
         self._bodies = bodies
@@ -48,12 +50,6 @@ class LocalFields:
             self._each.append((field, rows, cells))
             rows[:] = 0.0
         self._look()
-        self.functions = tuple(
-            _asking(bodies, field, cells, what)
-            for field, _, cells in self._each
-            if cells is not None
-            for what in (TAKE, ADD)
-        )
 
     def step(self) -> None:
         """One tick, after all bodies have moved."""
@@ -76,6 +72,12 @@ class LocalFields:
         matching = (cells for field, _, cells in self._each if field.name == name)
         cells = next(matching, None)
         return None if cells is None else cells.amount
+
+    def ask(self, number: int, what: int, robots: Whole, amounts: Floats) -> None:
+        """These robots TAKE from the cell under them, or ADD to it, in the field with this number, which grows."""
+        cells = self._each[number][2]
+        assert cells is not None
+        cells.ask(what, robots, amounts, self._bodies.x[robots], self._bodies.y[robots])
 
     def _look(self) -> None:
         bodies, scenario = self._bodies, self._bodies.scenario
@@ -182,11 +184,16 @@ def cell_middles(columns: int, rows: int, size: tuple[float, float]) -> tuple[Fl
     return x.ravel(), y.ravel()
 
 
-def _asking(bodies: Bodies, field: Field, cells: GrowingField, what: int) -> HostFunction:
-    """The function with which robots TAKE from the cell under them, or ADD to it."""
+def field_functions(fields: Sequence[Field]) -> Iterator[HostFunction]:
+    """What expressions may call of these fields: robots TAKE from the cell under them, or ADD to it, if it grows."""
+    for number, field in enumerate(fields):
+        if isinstance(field, ScalarField) and field.growth is not None:
+            yield from (_asking(number, field, what) for what in (TAKE, ADD))
 
-    def ask(robots: Whole, amounts: Floats) -> None:
-        cells.ask(what, robots, amounts, bodies.x[robots], bodies.y[robots])
+
+def _asking(number: int, field: Field, what: int) -> HostFunction:
+    def ask(senses: BodySenses, robots: Whole, amounts: Floats) -> None:
+        senses.of(LocalFields).ask(number, what, robots, amounts)
 
     doc = (
         f"Takes up to this amount of {field.name} from the cell under the robot.",

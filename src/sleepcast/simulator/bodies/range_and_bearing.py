@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 from math import ceil, inf
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from sleepcast.core.counter_rng import GOLDEN, key, mix, uniform
 from sleepcast.core.model import BodyColumn, HostFunction, NativeCall, Writing
 from sleepcast.core.units import LENGTH, NONE, UNITS, Dimension, is_angle
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Flags, Floats
-from sleepcast.simulator.bodies.body import Body, acting
+from sleepcast.simulator.bodies.body import Body, BodySenses, acting
 from sleepcast.simulator.bodies.voronoi import centroids
 from sleepcast.simulator.neighbours.neighbourhood import (
     ACROSS,
@@ -180,7 +180,7 @@ class _NeighbourQuery(NamedTuple):
 
 
 class RangeAndBearing:
-    """The range-and-bearing sensors of all `bodies`. functions: what expressions may call."""
+    """The range-and-bearing sensors of all `bodies`."""
 
     def __init__(self, bodies: Bodies, model: NeighbourModel) -> None:
         self._bodies, self._model = bodies, model
@@ -197,12 +197,6 @@ class RangeAndBearing:
         self._recent: list[tuple[_NeighbourQuery, Pairs]] = []
         self._measured: tuple[Pairs, tuple[Floats, Floats]] | None = None
         """The cells that were measured last: rules ask for x and y of the same ones."""
-        self.functions = (
-            *(_sensing(self, *each) for each in _ASKED),
-            _ranking(self),
-            _sharing(self, "COLOUR", "number", COLOUR, NONE),
-            *(each for row, share in enumerate(model.shares.items(), 1) for each in _of_share(self, row, *share)),
-        )
 
     def step(self) -> None:
         """Begin a tick: bodies have moved, and what they set in the last tick can be seen."""
@@ -472,10 +466,19 @@ _ASKED: tuple[tuple[str, Dimension, str, Formula | OverPairs], ...] = (
 """Name, dimension of the result, description, and what is asked."""
 
 
-def _of_share(near: RangeAndBearing, row: int, name: str, unit: str) -> Iterator[HostFunction]:
+def neighbour_functions(model: NeighbourModel) -> Iterator[HostFunction]:
+    """What expressions may call of robots that sense their neighbours in this way."""
+    yield from (_sensing(*each) for each in _ASKED)
+    yield _ranking()
+    yield _sharing("COLOUR", "number", COLOUR, NONE)
+    for row, share in enumerate(model.shares.items(), 1):
+        yield from _of_share(row, *share)
+
+
+def _of_share(row: int, name: str, unit: str) -> Iterator[HostFunction]:
     """The functions of one shared number."""
     dimension = UNITS[unit].dimension if unit else NONE
-    yield _sharing(near, f"SHARE_{name.upper()}", name, row, dimension)
+    yield _sharing(f"SHARE_{name.upper()}", name, row, dimension)
     reductions = (
         ("MEAN", "Mean", (ANGLE, DIRECTION) if is_angle(unit) else (VALUE, MEAN)),
         ("SUM", "Sum", (VALUE, TOTAL)),
@@ -485,32 +488,31 @@ def _of_share(near: RangeAndBearing, row: int, name: str, unit: str) -> Iterator
     )
     for prefix, word, how in reductions:
         doc = f"{word} {name} among the neighbours within r that share one."
-        yield _sensing(near, f"{prefix}_{name.upper()}", dimension, doc, Formula(*how, row=row), unit)
+        yield _sensing(f"{prefix}_{name.upper()}", dimension, doc, Formula(*how, row=row), unit)
 
 
-def _sharing(near: RangeAndBearing, name: str, argument: str, row: int, dimension: Dimension) -> HostFunction:
+def _sharing(name: str, argument: str, row: int, dimension: Dimension) -> HostFunction:
     """A function that shares a number with the neighbours."""
     doc = f"Shows this {argument} to the neighbours from the next tick on."
-    function = acting(name, dimension, argument, doc, partial(near.share, row))
-    return replace(function, writes=(Writing(BodyColumn(f"shared {row}", near.following(row)), 0),))
+
+    def share(senses: BodySenses, robots: Whole, values: Floats) -> None:
+        senses.of(RangeAndBearing).share(row, robots, values)
+
+    shown = BodyColumn(f"shared {row}", 8, lambda bodies: _near(bodies).following(row))
+    return replace(acting(name, dimension, argument, doc, share), writes=(Writing(shown, 0),))
 
 
-def _sensing(
-    near: RangeAndBearing, name: str, dimension: Dimension, doc: str, asked: Formula | OverPairs, unit: str = ""
-) -> HostFunction:
+def _sensing(name: str, dimension: Dimension, doc: str, asked: Formula | OverPairs, unit: str = "") -> HostFunction:
     """A function of a radius, and of a colour if one is given. unit: see `HostFunction`."""
 
-    def many(bodies: object, robots: Whole, *columns: Floats) -> Floats:
-        return near.sense(asked, robots, *columns)
-
-    def call(body: Body, *arguments: float) -> float:
-        return float(near.sense(asked, np.array([body.number]), *(np.array([each]) for each in arguments))[0])
+    def many(bodies: Any, robots: Whole, *columns: Floats) -> Floats:
+        return _near(bodies).sense(asked, robots, *columns)
 
     return HostFunction(
         name,
-        call,
+        partial(_alone, many),
         (LENGTH, NONE),
-        native=_Constant(near, asked) if isinstance(asked, Formula) else None,
+        native=_Constant(asked) if isinstance(asked, Formula) else None,
         least=1,
         arguments="r [colour]",
         result=dimension,
@@ -521,34 +523,42 @@ def _sensing(
     )
 
 
+def _near(bodies: Any) -> RangeAndBearing:
+    """The sensors of a fleet, whose bodies are given, or of a body."""
+    senses: BodySenses = bodies.senses
+    return senses.of(RangeAndBearing)
+
+
+def _alone(many: Callable[..., Floats], body: Body, *arguments: float) -> float:
+    """What a function of many bodies gives for one of them."""
+    return float(many(body, np.array([body.number]), *(np.array([each]) for each in arguments))[0])
+
+
 class _Constant:
     """The native form of a formula, for one radius of all robots alone: on it depends in which order neighbours are
     added up, and so the last bit of a sum."""
 
-    def __init__(self, near: RangeAndBearing, formula: Formula) -> None:
-        self._near, self._formula = near, formula
+    def __init__(self, formula: Formula) -> None:
+        self._formula = formula
 
     def takes(self, arguments: Sequence[float | None]) -> bool:
         return arguments[0] is not None
 
-    def bound(self, arguments: Sequence[float | None]) -> NativeCall | None:
-        return self._near.bound(self._formula, arguments)
+    def bound(self, bodies: Any, arguments: Sequence[float | None]) -> NativeCall | None:
+        return _near(bodies).bound(self._formula, arguments)
 
 
-def _ranking(near: RangeAndBearing) -> HostFunction:
+def _ranking() -> HostFunction:
     """The function of a rank by distance, and of what the others take."""
 
-    def many(bodies: object, robots: Whole, rank: Floats, *columns: Floats) -> Floats:
+    def many(bodies: Any, robots: Whole, rank: Floats, *columns: Floats) -> Floats:
         ranks = np.full(int(robots.max(initial=0)) + 1, np.nan)
         ranks[robots] = rank
-        return near.sense(lambda _, pairs: pairs.distance_of(ranks[pairs.asked]), robots, *columns)
-
-    def call(body: Body, *arguments: float) -> float:
-        return float(many(None, np.array([body.number]), *(np.array([each]) for each in arguments))[0])
+        return _near(bodies).sense(lambda _, pairs: pairs.distance_of(ranks[pairs.asked]), robots, *columns)
 
     return HostFunction(
         "RANK_DIST",
-        call,
+        partial(_alone, many),
         (NONE, LENGTH, NONE),
         least=2,
         arguments="n r [colour]",

@@ -15,11 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.counter_rng import key, uniform
+from sleepcast.core.model import HostFunction
 from sleepcast.simulator.bodies.bodies import Bodies, Floats
-from sleepcast.simulator.bodies.local_fields import LocalFields
-from sleepcast.simulator.bodies.range_and_bearing import COLOUR, RangeAndBearing
-from sleepcast.simulator.bodies.stocks import Stocks
+from sleepcast.simulator.bodies.body import Sense
+from sleepcast.simulator.bodies.local_fields import LocalFields, field_functions
+from sleepcast.simulator.bodies.range_and_bearing import COLOUR, RangeAndBearing, neighbour_functions
+from sleepcast.simulator.bodies.stocks import Stocks, stock_functions
 from sleepcast.simulator.scenario.groups import seeing
+from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.signals import FRONT, LIGHT_NAMES, PING_NAMES, REAR, PingModel
 from sleepcast.simulator.simd.formulas import shortest
 from sleepcast.simulator.world.grid import Sorted, candidates, pairs, sort
@@ -33,7 +36,7 @@ CELLS_IN_REACH = 2.0
 
 class Senses:
     """The senses of all `bodies`. Light sensors and ping receivers write into its table of sensor values; neighbours
-    are sensed by `functions` that expressions call. stocks: None without any."""
+    are sensed by functions that expressions call, see `functions_of`. stocks: None without any."""
 
     def __init__(self, bodies: Bodies) -> None:
         scenario = bodies.scenario
@@ -53,7 +56,13 @@ class Senses:
         self.stocks = Stocks(bodies) if scenario.stocks else None
         self._fields = LocalFields(bodies) if scenario.fields else None
         parts = (self._near, self.stocks, self._fields)
-        self.functions = tuple(function for part in parts if part for function in part.functions)
+        self._parts: dict[type, object] = {type(part): part for part in parts if part}
+
+    def of(self, kind: type[Sense]) -> Sense:
+        """See `BodySenses`."""
+        part = self._parts[kind]
+        assert isinstance(part, kind)
+        return part
 
     def ping(self, robots: NDArray[np.intp], castes: Floats) -> None:
         """Send a ping from each of these robots, with its caste. Only the first ping of a body in a tick is
@@ -125,6 +134,12 @@ class Senses:
             ranges[nearest] = away[nearest]
             bearings[nearest] = bearing(dx, dy, heading)[nearest]
         self._seen[:, sees] = flags, ranges, bearings
+
+
+def functions_of(scenario: Scenario) -> tuple[HostFunction, ...]:
+    """What expressions may call of the senses of a scenario's robots."""
+    near = neighbour_functions(scenario.neighbours) if scenario.neighbours else ()
+    return (*near, *stock_functions(scenario.stocks), *field_functions(scenario.fields))
 
 
 class _PingReceiver:

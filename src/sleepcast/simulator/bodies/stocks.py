@@ -8,7 +8,7 @@ that fills a store leaves less room in it for the next one.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from sleepcast.core.model import HostFunction
 from sleepcast.simulator.bodies.bodies import Bodies, Flags, Floats, Whole
-from sleepcast.simulator.bodies.body import acting
+from sleepcast.simulator.bodies.body import BodySenses, acting
 from sleepcast.simulator.scenario.stocks import MAX_AMOUNT, Stock
 from sleepcast.simulator.simd.formulas import shortest
 
 
 class Stocks:
-    """All stocks of a world. functions: what expressions may call.
+    """All stocks of a world.
 
     level: what is left, in SI, shape (stocks,); in the order of the scenario, as all rows below.
     """
@@ -40,7 +40,6 @@ class Stocks:
         for stock in stocks:
             for name, value in zip(stock.names[1:], (stock.x, stock.y), strict=True):
                 bodies.known[names.index(name)] = value
-        self.functions = tuple(each for row in range(len(stocks)) for each in self._functions(row))
         self._show()
 
     def take(self, row: int, robots: Whole, amounts: Floats) -> None:
@@ -126,13 +125,20 @@ class Stocks:
         away: Floats = np.sqrt(dx * dx + dy * dy)
         return away
 
-    def _functions(self, row: int) -> Iterator[HostFunction]:
-        """The functions of one stock."""
-        stock = self._stocks[row]
-        into, out = (f" into its {stock.store}", f" from its {stock.store}") if stock.store else ("", "")
 
+def stock_functions(stocks: Sequence[Stock]) -> Iterator[HostFunction]:
+    """What expressions may call of these stocks."""
+    for row, stock in enumerate(stocks):
+        into, out = (f" into its {stock.store}", f" from its {stock.store}") if stock.store else ("", "")
         for name, act, doc in (
-            ("TAKE", self.take, f"Takes so much of {stock.title}{into}; only within its radius."),
-            ("GIVE", self.give, f"Adds so much to {stock.title}{out}; only within its radius."),
+            ("TAKE", Stocks.take, f"Takes so much of {stock.title}{into}; only within its radius."),
+            ("GIVE", Stocks.give, f"Adds so much to {stock.title}{out}; only within its radius."),
         ):
-            yield acting(f"{name}_{stock.name.upper()}", stock.dimension, "amount", doc, partial(act, row))
+            yield acting(f"{name}_{stock.name.upper()}", stock.dimension, "amount", doc, partial(_done, act, row))
+
+
+def _done(
+    act: Callable[[Stocks, int, Whole, Floats], None], row: int, senses: BodySenses, robots: Whole, amounts: Floats
+) -> None:
+    """Do this with a stock of the world of these senses."""
+    act(senses.of(Stocks), row, robots, amounts)

@@ -146,7 +146,7 @@ class Broken(Body):
 
 def test_a_body_that_fails_ends_the_run_stopped(tmp_path: Path) -> None:
     run = Run(tmp_path, Desk())
-    body = Broken(run.simulator.bodies, run.body.model, 0)
+    body = Broken(run.simulator.bodies, run.simulator.senses, run.body.model, 0)
     with pytest.raises(SleepcastError, match="the robot is gone"):
         run.run(10, body)
     assert run.watch.ticks == 4
@@ -168,7 +168,7 @@ def test_minds_may_join_while_others_run_and_one_that_fails_ends_alone(tmp_path:
     (tmp_path / "one").mkdir()
     (tmp_path / "two").mkdir()
     one, two = Run(tmp_path / "one", Desk()), Run(tmp_path / "two", Desk(at5="(DRIVE 3m/s 0)"))
-    broken = Broken(one.simulator.bodies, one.body.model, 0)
+    broken = Broken(one.simulator.bodies, one.simulator.senses, one.body.model, 0)
     minds, failed = [one.mind(broken)], list[str]()
 
     def fails(mind: EmbodiedMind, error: SleepcastError) -> None:
@@ -202,7 +202,7 @@ def test_what_is_not_measured_anew_is_not_sensed_anew(tmp_path: Path) -> None:
     run.run(1)
     first = run.value("x")
     run.body.release()
-    run.run(20, Stuck(run.simulator.bodies, run.body.model, 0))
+    run.run(20, Stuck(run.simulator.bodies, run.simulator.senses, run.body.model, 0))
     assert run.value("x") == first
 
 
@@ -221,7 +221,7 @@ class Stepping(Body):
     __slots__ = ("simulator",)
 
     def __init__(self, simulator: Simulator) -> None:
-        super().__init__(simulator.bodies, simulator.robots[0].model, 0)
+        super().__init__(simulator.bodies, simulator.senses, simulator.robots[0].model, 0)
         self.simulator = simulator
 
     def now(self) -> float:

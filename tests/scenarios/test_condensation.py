@@ -14,6 +14,11 @@ CONDENSED = 0.6
 """Root mean square distance from the centre, m, of a group that has met: the last robots still drive to and fro."""
 
 
+two_or_three = pytest.mark.parametrize(
+    "seeds", [range(1, 3), pytest.param(range(1, 4), marks=pytest.mark.nightly)], ids=str
+)
+
+
 def ended(seeds: Sequence[int], sight: str, seconds: float = 300.0) -> list[tuple[float, float]]:
     """Number of groups and spread in the end, by seed."""
     found = []
@@ -24,14 +29,16 @@ def ended(seeds: Sequence[int], sight: str, seconds: float = 300.0) -> list[tupl
     return found
 
 
-def test_a_group_that_sees_itself_contracts_to_a_point() -> None:
-    for groups, spread in ended(range(1, 3), "200m"):
+@two_or_three
+def test_a_group_that_sees_itself_contracts_to_a_point(seeds: range) -> None:
+    for groups, spread in ended(seeds, "200m"):
         assert groups == 1
         assert spread < CONDENSED
 
 
-def test_a_group_that_sees_little_breaks_up() -> None:
-    for groups, spread in ended(range(1, 3), "10m"):
+@two_or_three
+def test_a_group_that_sees_little_breaks_up(seeds: range) -> None:
+    for groups, spread in ended(seeds, "10m"):
         assert groups > 8
         assert spread > 20.0
 

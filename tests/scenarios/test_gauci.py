@@ -24,7 +24,7 @@ def gathered(seeds: Sequence[int], seconds: float, **over: object) -> list[float
 
 
 def test_robots_that_see_one_bit_gather() -> None:
-    assert min(gathered((1,), 300.0, robots__count=20)) > 0.95
+    assert min(gathered((1, 2), 300.0, robots__count=20)) > 0.95
 
 
 def test_robots_that_see_little_do_not() -> None:

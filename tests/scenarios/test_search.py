@@ -26,16 +26,23 @@ def found(mission: str, seeds: range, *times: float, chance: float = CHANCE) -> 
     return np.array(shares)
 
 
-def test_a_search_at_random_finds_nearly_what_chance_says() -> None:
+three_or_five = pytest.mark.parametrize(
+    "seeds", [range(1, 4), pytest.param(range(1, 6), marks=pytest.mark.nightly)], ids=str
+)
+
+
+@three_or_five
+def test_a_search_at_random_finds_nearly_what_chance_says(seeds: range) -> None:
     at = (100.0, 200.0, 500.0)
-    shares = found("random.sleep", range(1, 4), *at).mean(axis=0)
+    shares = found("random.sleep", seeds, *at).mean(axis=0)
     law = [1 - exp(-CHANCE * COVERAGE * time) for time in at]
     assert shares == pytest.approx(law, abs=0.06)
     assert (shares < np.array(law) + 0.02).all(), "places are not all equally likely, so it is a little less"
 
 
-def test_lanes_find_each_mine_with_the_chance_of_one_pass() -> None:
-    shares = found("lanes.sleep", range(1, 4), LAID_OUT, LAID_OUT + 200.0).mean(axis=0)
+@three_or_five
+def test_lanes_find_each_mine_with_the_chance_of_one_pass(seeds: range) -> None:
+    shares = found("lanes.sleep", seeds, LAID_OUT, LAID_OUT + 200.0).mean(axis=0)
     assert shares[0] == 0.0, "nobody looks on the way to the lanes"
     assert shares[1] == pytest.approx(CHANCE, abs=0.05)
 

@@ -545,3 +545,11 @@ class Plain:
             self._faults(part, self._rows, indices, reasons)
 
         return pure.apply(part, [self.value(inside, mask) for inside in part.parts], self._rows.size, report)
+
+
+def no_local(slot: int, rows: Rows) -> Column:
+    raise AssertionError(f"a local name {slot} outside of anything that could have bound it")
+
+
+def no_fault(part: Part, rows: Rows, places: Index, reasons: Sequence[str]) -> None:
+    """Nobody is told what is undefined; it is unknown."""

@@ -8,9 +8,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from sleepcast.columns.evaluation import by_the_living
-from sleepcast.columns.machine import Plain, evaluate, is_plain
+from sleepcast.columns.machine import Plain, evaluate, is_plain, no_fault, no_local
 from sleepcast.columns.telemetry import Key, KnownSymbols, QuietMemory
-from sleepcast.columns.values import CHUNK, Column, Columns, Index, Mask, Rows, distinct
+from sleepcast.columns.values import CHUNK, Column, Columns, Mask, Rows, distinct
 from sleepcast.fleet.inspection import reads_of
 from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.messages import Outbox
@@ -63,7 +63,7 @@ class FleetQuery:
         program, some, _ = self._pieces[0]
         if self._plain:  # it can do nothing but compute, and nobody asks for its steps and faults
             with np.errstate(all="ignore"):
-                return Plain(some, memory.state.read, _no_local, _no_fault).column(program.root), ""
+                return Plain(some, memory.state.read, no_local, no_fault).column(program.root), ""
         if len(self._pieces) == 1:
             values = evaluate(memory, program, some)
         else:
@@ -126,11 +126,3 @@ class AskedMemory(QuietMemory):
             return super().host(part, rows, *arguments)
         self._bodies.begin(self.top, rows)
         return self._bodies.host(part, rows, *arguments)
-
-
-def _no_local(slot: int, rows: Rows) -> Column:
-    raise AssertionError(f"a local name {slot} outside of anything that could have bound it")
-
-
-def _no_fault(part: Part, rows: Rows, places: Index, reasons: Sequence[str]) -> None:
-    """Nobody is told what is undefined; it is unknown."""

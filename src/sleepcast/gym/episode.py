@@ -99,16 +99,21 @@ class Episode:
         self.sense()
         reward = np.where(before, 0.0, self.reward())
         self._halt_done()
-        return EpisodeStep(self.observe(), reward, self._done.copy(), ended, self.is_over())
+        self.count()
+        return EpisodeStep(self.observe(), reward, self._done.copy(), ended, self.left <= 0)
 
     def sense(self) -> None:
         """Bring what sensors show up to date, sonars only if they are looked at."""
         self._swarm.sense(sonars=self._checked.sees)
 
-    def is_over(self) -> bool:
-        """Another step is done: whether that was the last one."""
-        self._steps += 1
-        return self._steps >= self._checked.steps
+    @property
+    def left(self) -> int:
+        """Steps until its time is over."""
+        return self._checked.steps - self._steps
+
+    def count(self, steps: int = 1) -> None:
+        """So many steps were made."""
+        self._steps += steps
 
     def reward(self) -> NDArray[np.float64]:
         """What each robot is paid now."""

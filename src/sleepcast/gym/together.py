@@ -14,8 +14,9 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from sleepcast.api.fleet import SimulatedFleet
+from sleepcast.columns.machine import Plain, is_plain, no_fault, no_local
 from sleepcast.columns.telemetry import Key, KnownSymbols, TelemetryTable
-from sleepcast.columns.values import AskedColumns, Column, Mask, Rows
+from sleepcast.columns.values import CHUNK, AskedColumns, Column, Mask, Rows
 from sleepcast.gym.episode import Episode, EpisodeKey, Episodes, Flags, Singles
 from sleepcast.gym.task import CheckedTask
 from sleepcast.language import check
@@ -56,16 +57,13 @@ class Together:
         """Makes the ticks of all worlds; None until a first episode has begun in each."""
         self._stretch: Stretch | None = None
         """Worlds that go on without Python, for some steps; see `_go_on`."""
+        self.ended: Flags = np.zeros(worlds, np.bool_)
+        """In which worlds the latest episode is over."""
 
     @property
     def keys(self) -> list[EpisodeKey | None]:
         """See `Episodes.key`, of each world."""
         return [each.key for each in self.worlds]
-
-    @property
-    def ended(self) -> Flags:
-        """See `Episodes.ended`, of each world."""
-        return np.array([each.ended for each in self.worlds])
 
     def fleet(self, world: int) -> SimulatedFleet:
         """The run of a world. Raises MisuseError if none has begun."""
@@ -79,7 +77,7 @@ class Together:
         for world in which:
             unseeded = seed is None and self.worlds[world].key is None and drawn is not None
             self.worlds[world].begin(drawn.seed if unseeded and drawn else seed, options)
-            drawn = drawn or self.worlds[world].key
+            drawn, self.ended[world] = drawn or self.worlds[world].key, False
             if self._ticks is not None:
                 self._ticks.replace(world, self.worlds[world].running().swarm)
         if self._ticks is None:
@@ -88,20 +86,24 @@ class Together:
 
     def step(self, which: Sequence[int], actions: NDArray[np.float64]) -> WorldSteps:
         """Let the robots of these worlds act, and time pass. actions: shape (worlds, robots, ...)."""
-        episodes = [self.worlds[world].running() for world in which]
-        ended = np.zeros(len(episodes), np.bool_)
-        if self._held(episodes):
-            table = self._go_on(actions)
+        if len(which) == len(self.worlds) and self._held():
+            steps = self._go_on(actions)
         else:
-            everybody = np.arange(len(self.task.names))
-            for episode, wanted in zip(episodes, actions, strict=True):
-                episode.act(wanted, everybody)
-            self._pass(which, episodes, ended)
-            table = SensorTable.of(episodes)
-        over = np.array([episode.is_over() for episode in episodes])
-        for world, each in zip(which, (ended | over).tolist(), strict=True):
-            self.worlds[world].ended = each
-        return WorldSteps(*self._look(table, paid=True), ended, over)
+            self._let_go()
+            steps = self._step_each(which, actions)
+        self.ended[which] = steps.ended | steps.over
+        return steps
+
+    def _step_each(self, which: Sequence[int], actions: NDArray[np.float64]) -> WorldSteps:
+        episodes = [self.worlds[world].running() for world in which]
+        ended, everybody = np.zeros(len(episodes), np.bool_), np.arange(len(self.task.names))
+        for episode, wanted in zip(episodes, actions, strict=True):
+            episode.act(wanted, everybody)
+        self._pass(which, episodes, ended)
+        for episode in episodes:
+            episode.count()
+        over = np.array([episode.left <= 0 for episode in episodes])
+        return WorldSteps(*self._look(SensorTable.of(episodes), paid=True), ended, over)
 
     def _pass(self, which: Sequence[int], episodes: Sequence[Episode], ended: Flags) -> None:
         """Let the ticks of a step pass; notes where the goal is reached, on whose tick a world's step ends."""
@@ -117,20 +119,21 @@ class Together:
 
     # ---- without Python
 
-    def _held(self, episodes: Sequence[Episode]) -> bool:
+    def _held(self) -> bool:
         """Whether all worlds can make the next step in compiled code alone: bodies only move and sensors measure, no
         goal is looked for, and nobody has taken a fleet, so that nobody can look at it meanwhile."""
         ticks = self.task.task.ticks
-        if len(episodes) < len(self.worlds) or any(episode.taken for episode in episodes):
+        if self._stretch is not None and self._stretch.left >= ticks:
+            return True
+        self._let_go()
+        episodes = [each.running() for each in self.worlds]
+        if any(episode.taken for episode in episodes) or not self._fits(episodes):
             return False
-        if self._stretch is not None and self._stretch.left < ticks:
-            self._let_go()
-        if self._stretch is None and self._fits(episodes):
-            assert self._ticks is not None
-            if (left := self._ticks.hold(LONGEST)) >= ticks:
-                self._stretch = Stretch(episodes, left)
-            elif left:
-                self._ticks.let_go()
+        assert self._ticks is not None
+        if (left := self._ticks.hold(LONGEST)) >= ticks:
+            self._stretch = Stretch(episodes, left)
+        elif left:
+            self._ticks.let_go()
         return self._stretch is not None
 
     def _fits(self, episodes: Sequence[Episode]) -> bool:
@@ -142,24 +145,24 @@ class Together:
         table = SensorTable.of(episodes)
         return all(self._program(text, table) for text in (*self.task.task.observations, self.task.task.reward))
 
-    def _go_on(self, actions: NDArray[np.float64]) -> SensorTable:
+    def _go_on(self, actions: NDArray[np.float64]) -> WorldSteps:
         """One step of all worlds."""
-        assert self._ticks is not None
-        assert self._stretch is not None
-        box, ticks = self.task.acted, self.task.task.ticks
+        ticks, stretch, box = self._ticks, self._stretch, self.task.acted
+        assert ticks is not None
+        assert stretch is not None
         assert isinstance(box, Box)
-        wanted = np.clip(actions, box.low, box.high).reshape(-1, len(self.task.task.actions))
-        by_name = {name.casefold(): wanted[:, at] for at, name in enumerate(self.task.task.actions)}
-        self._stretch.rows.drive(by_name.get("drive_speed"), by_name.get("drive_turn"))
-        self._ticks.go_on(ticks, sonars=self.task.sees)
-        self._stretch.left -= ticks
-        self._stretch.ticks += ticks
-        return self._stretch.table()
+        wanted = np.clip(actions.reshape(-1, actions.shape[-1]), box.low, box.high).T
+        by_name = {name.casefold(): column for name, column in zip(self.task.task.actions, wanted, strict=True)}
+        stretch.rows.drive(by_name.get("drive_speed"), by_name.get("drive_turn"))
+        ticks.go_on(self.task.task.ticks, sonars=self.task.sees)
+        over = stretch.count(self.task.task.ticks)
+        return WorldSteps(*self._look(stretch.table(), paid=True), np.zeros_like(over), over)
 
     def _let_go(self) -> None:
         """Bring all worlds up to date."""
         if self._stretch is not None and self._ticks is not None:
             self._ticks.let_go()
+            self._stretch.end()
             self._stretch = None
 
     # ---- what robots observe
@@ -171,14 +174,15 @@ class Together:
 
     def _look(self, table: SensorTable, *, paid: bool = False) -> tuple[Singles, NDArray[np.float64]]:
         """What robots observe, and what they are `paid`, 0 if nobody asks for it."""
-        task, shape = self.task.task, (len(table.episodes), len(self.task.names))
+        task, box, shape = self.task.task, self.task.observed, (len(table.episodes), len(self.task.names))
         observed = np.empty((len(task.observations), table.count), np.float32)
         for column, text in enumerate(task.observations):
             observed[column] = self._values(text, table)
-        box = self.task.observed
-        by_robot = np.nan_to_num(observed, copy=False).T.reshape(*shape, -1)
+        if not np.isfinite(observed).all():
+            np.nan_to_num(observed, copy=False)
+        np.clip(observed, box.low[:, None], box.high[:, None], out=observed)
         reward = np.nan_to_num(self._values(task.reward, table)) if paid else np.zeros(shape)
-        return np.clip(by_robot, box.low, box.high), reward.reshape(shape)
+        return observed.T.reshape(*shape, -1), reward.reshape(shape)
 
     def _values(self, text: str, table: SensorTable) -> Column:
         """What an expression comes to on each robot of the table."""
@@ -194,30 +198,43 @@ class Together:
 
     def close(self) -> None:
         self._let_go()
+        self.ended[:] = False
         for each in self.worlds:
             each.close()
 
     def __getstate__(self) -> dict[str, Any]:
         """A copy, in this process or another, begins anew."""
-        return self.__dict__ | {"_programs": {}, "_ticks": None, "_stretch": None}
+        return self.__dict__ | {
+            **{"_programs": {}, "_ticks": None, "_stretch": None},
+            "ended": np.zeros_like(self.ended),
+        }
 
 
 class Stretch:
-    """Worlds that are held for some ticks, see `QuietTicks.hold`.
-
-    left: ticks that may still follow. ticks: those that were made.
-    """
+    """Worlds that are held for some ticks, see `QuietTicks.hold`. left: ticks that may still follow."""
 
     def __init__(self, episodes: Sequence[Episode], left: int) -> None:
-        self._episodes, self.left, self.ticks = episodes, left, 0
+        self._episodes, self.left, self._ticks, self._steps = episodes, left, 0, 0
+        self._until = np.array([episode.left for episode in episodes])
+        """Steps of this stretch after which the time of an episode is over."""
         swarms = [episode.swarm for episode in episodes]
         self._began = np.repeat([swarm.simulator.tick for swarm in swarms], len(swarms[0].fleet))
         self._tick = np.repeat([swarm.simulator.scenario.tick for swarm in swarms], len(swarms[0].fleet))
         self.rows = WorldRows([swarm.simulator for swarm in swarms])
 
+    def count(self, ticks: int) -> Flags:
+        """A step of so many ticks was made; gives whose time is over."""
+        self.left, self._ticks, self._steps = self.left - ticks, self._ticks + ticks, self._steps + 1
+        return self._until <= self._steps
+
+    def end(self) -> None:
+        """Let the episodes know how many steps they have made."""
+        for episode in self._episodes:
+            episode.count(self._steps)
+
     def table(self) -> SensorTable:
         """What robots sense now."""
-        return SensorTable(self._episodes, self.rows.sensed(), lambda: (self._began + self.ticks) * self._tick)
+        return SensorTable(self._episodes, self.rows.sensed(), lambda: (self._began + self._ticks) * self._tick)
 
 
 class SensorTable(TelemetryTable):
@@ -260,9 +277,12 @@ class SensorTable(TelemetryTable):
         return self._values[program]
 
     def _value(self, program: Program) -> Column:
-        root = program.root
-        if root.op == "var":
-            return self._columns.column(root.slot, Rows.run(0, self.count))
+        everybody = Rows.run(0, self.count)
+        if program.root.op == "var":
+            return self._columns.column(program.root.slot, everybody)
+        if self.count <= CHUNK and is_plain(program.root):
+            with np.errstate(all="ignore"):
+                return Plain(everybody, self._columns.read, no_local, no_fault).column(program.root)
         return self.values(program, np.arange(self.count))[0]
 
     def latest(self) -> AskedColumns:

@@ -84,7 +84,10 @@ class RobotVector(VectorEnv[Singles, NDArray[np.generic], NDArray[np.generic]]):
         """
         together, worlds = self._together, len(self._together.worlds)
         wanted = self._task.all_actions(actions, worlds).reshape(worlds, self._robots, *(self._task.acted.shape or ()))
-        waiting = together.ended
+        waiting = together.ended.copy()
+        if not waiting.any() and self._autoreset is not AutoresetMode.SAME_STEP:
+            step = together.step(self._everywhere, wanted)
+            return self._flat(step.observed), step.reward.ravel(), self._each(step.ended), self._each(step.over), {}
         if waiting.any() and self._autoreset is AutoresetMode.DISABLED:
             raise MisuseError(f"{np.count_nonzero(waiting)} episodes are over: call reset, with a reset_mask for some")
         observed = np.empty((worlds, self._robots, *(self._task.observed.shape)), np.float32)

@@ -295,7 +295,7 @@ class QuietTicks:
             for each in begun:
                 each.cancel()
             return 0
-        self._made, self._each = [0] * len(begun), (0, False)
+        self._made, self._each = 0, (0, False)
         return least
 
     def go_on(self, ticks: int, *, sonars: bool) -> None:
@@ -305,12 +305,12 @@ class QuietTicks:
             self._each = ticks, sonars
             self._table.begin(ticks, sonars)
         self._table.make(range(len(self._swarms)))
-        self._made = [made + ticks for made in self._made]
+        self._made += ticks
 
     def let_go(self) -> None:
         """The stretch is over, or as much of it as was wanted."""
-        for swarm, made in zip(self._swarms, self._made, strict=True):
-            swarm.quiet.end(made)
+        for swarm in self._swarms:
+            swarm.quiet.end(self._made)
 
     def replace(self, number: int, swarm: QuietSwarm) -> None:
         """Put another swarm in the place of the one with this index: that one is over."""

@@ -204,10 +204,8 @@ class Together:
 
     def __getstate__(self) -> dict[str, Any]:
         """A copy, in this process or another, begins anew."""
-        return self.__dict__ | {
-            **{"_programs": {}, "_ticks": None, "_stretch": None},
-            "ended": np.zeros_like(self.ended),
-        }
+        left = {"_programs": {}, "_ticks": None, "_stretch": None, "ended": np.zeros_like(self.ended)}
+        return self.__dict__ | left
 
 
 class Stretch:

@@ -204,8 +204,8 @@ class Together:
 
     def __getstate__(self) -> dict[str, Any]:
         """A copy, in this process or another, begins anew."""
-        left = {"_programs": {}, "_ticks": None, "_stretch": None, "ended": np.zeros_like(self.ended)}
-        return self.__dict__ | left
+        begun: dict[str, Any] = {"_programs": {}, "_ticks": None, "_stretch": None}
+        return self.__dict__ | begun | {"ended": np.zeros_like(self.ended)}
 
 
 class Stretch:

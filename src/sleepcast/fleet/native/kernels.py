@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import cached_property, partial
 from typing import NamedTuple, TypeAlias
 from weakref import WeakKeyDictionary
@@ -33,6 +33,9 @@ THREADS = 2
 """Default number of threads that share the work of one piece of native code."""
 HOT = 4
 """Walks of the same programs before they are compiled: a command is evaluated once, a rule again and again."""
+PATIENCE = 0.05
+"""Seconds to wait for the code of rules, if none is being made yet. Code that is kept is there by then, while walking
+would take the processor from the thread that fetches it."""
 MAX_KERNELS = 512
 """Pieces of native code in memory; when full, all are dropped and compiled again as needed."""
 MAX_PARTS = 1_500
@@ -184,16 +187,20 @@ class Kernels:
     def _ask_for(self, plan: SequencePlan, state: FleetState) -> None:
         if len(self._rules) >= MAX_KERNELS:
             self._rules.clear()
+        busy, asked = any(not code.done() for code in self._rules.values()), list[Future[Kernel]]()
         for piece in plan.pieces():
             if piece not in self._rules:
                 names = {name: meant for _, some in piece for name, meant in some}
                 programs = [program for program, _ in piece]
                 made = self._maker.submit(Kernel, programs, names, lanes(state), bodies=self._bodies)
                 self._rules[piece] = made
+                asked.append(made)
                 made.add_done_callback(partial(self._leave, piece, lanes(state)))
                 made.add_done_callback(self._count)
         if self._hot == 0:
             self.settle()
+        elif not busy:
+            wait(asked, PATIENCE)
 
     def _count(self, made: Future[Kernel]) -> None:
         self._ready += 1

@@ -18,14 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.api.assembly import Common
+from sleepcast.api.commands import WAIT
 from sleepcast.api.fleet import SimulatedFleet, changed, open, opened
 from sleepcast.api.history import History
 from sleepcast.api.progress import steps
 from sleepcast.api.results import CommandResult
 from sleepcast.api.table import DataTable, Numbers, Texts
-from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.errors import MisuseError, SleepcastError, reason_of
 from sleepcast.core.given_numbers import in_seconds, read_seconds, read_seed, whole_number
-from sleepcast.core.threads import ThreadPool
+from sleepcast.core.threads import ThreadPool, borders
 from sleepcast.core.ticks import nearest_ticks
 from sleepcast.loop.swarm import MAX_MINDS
 from sleepcast.simulator import Changes, ScenarioOfSeeds
@@ -36,8 +37,6 @@ MAX_WORLDS = 100_000
 """Worlds at once: their desks alone take some gigabytes."""
 TOGETHER = 5.0
 """Simulated s after which all worlds are as far, while they run."""
-WAIT = 2.0
-"""See `commands.WAIT`."""
 
 
 class WorldPlan(NamedTuple):
@@ -62,22 +61,21 @@ class Worlds:
         self.failed: dict[int, str] = {}
         self._fleets: dict[int, SimulatedFleet] = {}
         self._pool = ThreadPool(threads)
-        errors = list[Exception]()
+        errors, robots = list[Exception](), 0
         with closing(steps(len(self.plans), "opening worlds", quiet=quiet)) as numbers:
             for number in numbers:
                 try:
-                    self._fleets[number] = opened(self.plans[number])
-                    self._refuse_too_many()
+                    fleet = opened(self.plans[number])
+                    if robots + len(fleet) > MAX_MINDS:
+                        raise MisuseError(
+                            f"all worlds together have more than {MAX_MINDS:,} robots: open fewer at once"
+                        )
+                    self._fleets[number], robots = fleet, robots + len(fleet)
                 except Exception as error:  # what a payload does at the start may raise anything
                     errors.append(error)
                     self._fail(number, error)
         if not self._fleets:
             raise errors[0]
-
-    def _refuse_too_many(self) -> None:
-        robots = sum(map(len, self._fleets.values()))
-        if robots > MAX_MINDS:
-            raise MisuseError(f"all worlds together have more than {MAX_MINDS:,} robots: open fewer at once")
 
     # ---- the worlds
 
@@ -106,8 +104,7 @@ class Worlds:
         return [*self]
 
     def _fail(self, number: int, error: Exception) -> None:
-        reason = str(error) if isinstance(error, SleepcastError) else f"{type(error).__name__}: {error}"
-        self.failed[number] = reason or type(error).__name__
+        self.failed[number] = reason_of(error)
         self._fleets.pop(number, None)
 
     def _everywhere(self, act: Callable[[int, SimulatedFleet], None]) -> None:
@@ -121,8 +118,7 @@ class Worlds:
                 except Exception as error:
                     self._fail(number, error)
 
-        share = max(1, ceil(len(worlds) / (4 * self._pool.threads)))
-        self._pool.share(work, [*range(0, len(worlds), share), len(worlds)])
+        self._pool.share(work, borders(len(worlds), self._pool.threads))
 
     # ---- time
 

@@ -172,3 +172,10 @@ def with_caret(message: str, text: str, start: int, end: int) -> str:
     width = max(1, min(end, right) - start)
     carets = " " * (len(before) + start - left) + "^" * width
     return f"{message}\n  {before}{printable(text[left:right])}{after}\n  {carets}"
+
+
+def reason_of(error: BaseException) -> str:
+    """What went wrong, in a sentence: what an error of ours says; of any other one, which may say nothing, its kind as
+    well."""
+    said = str(error) if isinstance(error, SleepcastError) else f"{type(error).__name__}: {error}"
+    return said or type(error).__name__

@@ -31,7 +31,7 @@ import msgspec
 from sleepcast.api.assembly import Common, assemble, warm_up
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.api.session_test import missed_in
-from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.errors import MisuseError, SleepcastError, reason_of
 from sleepcast.core.extras import installing
 from sleepcast.core.hosts import is_loopback
 from sleepcast.core.ticks import Every, nearest_ticks
@@ -90,8 +90,7 @@ class Runner:
         try:
             samples, state, unsent, missed = self._done(run)
         except (Exception, SystemExit) as error:  # a measure of somebody's own may raise anything
-            reason = str(error) if isinstance(error, SleepcastError) else f"{type(error).__name__}: {error}"
-            return RunResult(run, error=reason or type(error).__name__, wall=perf_counter() - began, rules=FORMAT)
+            return RunResult(run, error=reason_of(error), wall=perf_counter() - began, rules=FORMAT)
         return RunResult(run, samples, "", state, perf_counter() - began, unsent, FORMAT, missed)
 
     def opened(self, run: PlannedRun) -> SimulatedFleet:

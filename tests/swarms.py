@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from sleepcast.fleet import RobotView
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Scenario, Simulator
@@ -51,8 +53,9 @@ def desk_of(swarm: Swarm) -> Station:
     return swarm.desk
 
 
-def drive(swarm: Swarm, ticks: int) -> None:
-    """Let a swarm run for so many ticks; the desk sends `ORDERS`, stops everybody and releases them."""
+def drive(swarm: Swarm, ticks: int, step: Callable[[Swarm], object] = Swarm.step) -> None:
+    """Let a swarm run for so many ticks, each of which `step` makes; the desk sends `ORDERS`, stops everybody and
+    releases them."""
     desk = desk_of(swarm)
     for _ in range(ticks):
         tick = swarm.simulator.tick
@@ -62,7 +65,7 @@ def drive(swarm: Swarm, ticks: int) -> None:
             desk.stop()
         if tick == RELEASE:
             desk.release()
-        swarm.step()
+        step(swarm)
 
 
 def seen(swarm: Swarm) -> dict[str, object]:

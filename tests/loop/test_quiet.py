@@ -18,7 +18,7 @@ from sleepcast.loop.quiet import QuietTicks
 from sleepcast.simulator import Changes, Scenario, Simulator, choose, find_scenario, scenario_names
 from sleepcast.simulator.quiet.blocks import WorldTable
 from sleepcast.station import JournalEvent
-from swarms import ORDERS, RELEASE, STOP, desk_of, station_of, swarm_of
+from swarms import desk_of, drive, station_of, swarm_of
 
 pytest.importorskip("numba")
 
@@ -161,15 +161,7 @@ def test_a_world_takes_the_place_of_another() -> None:
 def test_commands_of_all_sorts_come_between_quiet_ticks() -> None:
     def commanded(how: Callable[[Swarm, int], None]) -> bytes:
         swarm = swarm_of(few("crowd", 20), 5, 1)
-        desk = desk_of(swarm)
-        for tick in range(LAST):
-            if tick in ORDERS:
-                desk.send(ORDERS[tick], everybody=True)
-            if tick == STOP:
-                desk.stop()
-            if tick == RELEASE:
-                desk.release()
-            how(swarm, 1)
+        drive(swarm, LAST, lambda swarm: how(swarm, 1))
         return snapshot(swarm)
 
     assert commanded(at_once) == commanded(singly)

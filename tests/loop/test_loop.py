@@ -27,6 +27,8 @@ class Desk(Station):
         self.swarm = swarm
         self.samples: list[tuple[float, dict[str, list[float]]]] = []
 
+    counts_latest = False
+
     def observe_many(self, now: float, robots: Index) -> None:
         told = map(self.swarm.fleet.at, robots.tolist())
         self.samples.append((now, {row.name: row.values for row in told}))

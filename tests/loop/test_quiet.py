@@ -250,6 +250,31 @@ def test_a_run_without_commands_ends_with_the_same_snapshot() -> None:
     assert snapshot(swarm) == snapshot(expected)
 
 
+def test_telemetry_that_nobody_has_to_see_ends_no_call(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sampled by compiled code, it is the same; a desk that counts who is stopped is told of each sample."""
+
+    def told(how: Callable[[Swarm, int], None], *, stops: bool) -> bytes:
+        swarm = swarm_of(replace(few("crowd"), mission=()), 3, 1)
+        how(swarm, 12)
+        if stops:
+            desk_of(swarm).stop()
+        calls.clear()
+        how(swarm, 43)
+        return snapshot(swarm)
+
+    calls, make = list[object](), WorldTable.make
+
+    def counted(table: WorldTable, which: Sequence[int]) -> None:
+        calls.append(which)
+        make(table, which)
+
+    monkeypatch.setattr(WorldTable, "make", counted)
+    for stops in (False, True):
+        quiet = told(at_once, stops=stops)
+        assert len(calls) > 4 if stops else len(calls) == 1
+        assert quiet == told(singly, stops=stops)
+
+
 def test_a_snapshot_does_not_depend_on_when_native_code_was_ready() -> None:
     def told(how: Callable[[Swarm, int], None]) -> bytes:
         swarm = swarm_of(replace(few("crowd", 8), mission=()), 3, 1)

@@ -220,6 +220,8 @@ class ValueColumns(Columns):
         self._originals: list[Column] = []
         self._copied: tuple[ValueColumns, int, int] | None = None
         """The columns that were copied last in one go, whose they are, and the layouts there and here since."""
+        self._moves: list[tuple[int, int, int]] = []
+        """How they are copied, see `moves`."""
         self.layouts = 0
         """How often columns or groups have come or gone: as long as it stays the same, each lies where it did."""
 
@@ -269,11 +271,34 @@ class ValueColumns(Columns):
 
     def copy_all(self, other: ValueColumns) -> None:
         """Copy every variable of all robots, in one go."""
-        if self._copied is None or self._copied[0] is not other or self._copied[1:] != (other.layouts, self.layouts):
+        if not self._has_room_for(other):
             self._make_room_for(other)
         self._same[:] = other._same
         if self._originals:
             np.concatenate(self._originals, out=self._block.reshape(-1))
+
+    def _has_room_for(self, other: ValueColumns) -> bool:
+        return self._copied is not None and self._copied == (other, other.layouts, self.layouts)
+
+    def moves(self, other: ValueColumns) -> Sequence[tuple[int, int, int]] | None:
+        """How somebody else may copy every column of all robots: from which address to which one, and how many bytes,
+        the same object as long as that holds; None if it takes more, since columns have come or gone."""
+        if not self._has_room_for(other):
+            return None
+        if not self._moves:
+            size = self._block.itemsize * self.count
+            for place, column in enumerate(self._originals):
+                begin, into = column.ctypes.data, self._block.ctypes.data + place * size
+                before = self._moves[-1] if self._moves else (0, 0, 0)
+                if before[0] + before[2] == begin:
+                    self._moves[-1] = (*before[:2], before[2] + size)
+                else:
+                    self._moves.append((begin, into, size))
+        return self._moves
+
+    def moved(self, other: ValueColumns) -> None:
+        """Somebody else has made these `moves`: copy what is the same on all robots."""
+        self._same[:] = other._same
 
     def _make_room_for(self, other: ValueColumns) -> None:
         """Let the columns be rows of one block, as many as the other has now."""
@@ -285,7 +310,7 @@ class ValueColumns(Columns):
         for slot, column in zip(columns, self._block, strict=True):
             self._columns[slot] = column
         self.layouts += 1
-        self._copied = other, other.layouts, self.layouts
+        self._copied, self._moves = (other, other.layouts, self.layouts), []
 
     def copy_groups(self, other: ValueColumns, rows: Rows) -> None:
         """Copy the group memberships of these robots."""

@@ -18,7 +18,7 @@ very same values.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isnan, nan
 from weakref import WeakKeyDictionary
@@ -197,6 +197,21 @@ class FleetTelemetry(BulkTelemetry):
         self._stopped[rows.index] = self._state.stopped[rows.index]
         for those in self._asked.values():
             those[rows.index] = True
+
+    def moves(self) -> Sequence[tuple[int, int, int]] | None:
+        """What native code has to copy whenever all robots tell of themselves, see `ValueColumns.moves`; None if only
+        `take` can do that."""
+        return None if self._large else self._then.moves(self._state)
+
+    def took(self, clock: Mapping[int, float]) -> None:
+        """All robots have told of themselves, at the latest when these slots had these values, and native code has
+        copied what has changed since."""
+        self._last = everybody = Rows.run(0, self._state.count)
+        self._then.moved(self._state)
+        for slot, value in clock.items():
+            self._then.assign(slot, everybody, value)
+        self._then.copy_groups(self._state, everybody)
+        self._stopped[:] = self._state.stopped
 
     def stopped(self, robots: Index) -> Mask:
         """Which of these robots were stopped at their latest telemetry."""

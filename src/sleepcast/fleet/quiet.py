@@ -158,12 +158,15 @@ class QuietMinds:
             for key, tally, steps in zip(plan.keys, self._tallies, bounds, strict=True):
                 tally.ran_alike(steps, highest.get(key))
 
+    def clock(self, tick: int, now: float) -> dict[int, float]:
+        """What a tick of this number, which ends at `now` (s), sets on all robots, by slot."""
+        return {TICK: float(tick), TIME_SLOT: float(now)} if self._plan is not None else {}
+
     def at(self, tick: int, now: float) -> None:
         """The last tick has this number, and ends at `now` (s)."""
-        state = self._fleet.state
         if self._plan is not None:
-            state.assign(TICK, self._everybody, float(tick))
-            state.assign(TIME_SLOT, self._everybody, float(now))
+            for slot, value in self.clock(tick, now).items():
+                self._fleet.state.assign(slot, self._everybody, value)
             self._fleet.tidy()  # all of what follows a round: nobody rested before, and these rules let nobody rest
 
     def finish(self, leg: int) -> None:

@@ -42,6 +42,11 @@ class QuietDesk(Protocol):
     @property
     def next_due(self) -> float: ...
 
+    @property
+    def counts_latest(self) -> bool: ...
+
+    def observed(self, now: float, /) -> None: ...
+
 
 class QuietSwarm(Protocol):
     """A swarm as quiet ticks see it; see `swarm.Swarm`."""
@@ -97,6 +102,8 @@ class QuietWorld:
         self._asked: frozenset[int] = frozenset()
         self._reports = False
         """Whether the last tick has anything to report."""
+        self._moves: Sequence[tuple[int, int, int]] | None = None
+        """What compiled code copies when telemetry is sampled; None if it does not do that."""
         self.ticks = 0
 
     def make(self, most: int) -> int:
@@ -138,7 +145,18 @@ class QuietWorld:
             return 0
         now = swarm.simulator.tick
         most = min(most, self._most, self._before_orders(now), self._before_messages(now), self._before_reports(now))
-        return min(most, self._minds.ready()) if most > 0 else 0
+        most = min(most, self._minds.ready()) if most > 0 else 0
+        self._moves = self._sampling() if most > 0 else None
+        if swarm.desks and self._moves is None:
+            most = min(most, swarm.telemetry_ticks - now % swarm.telemetry_ticks)
+        return most
+
+    def _sampling(self) -> Sequence[tuple[int, int, int]] | None:
+        """What is copied when telemetry is sampled, if nobody has to see each sample."""
+        swarm, desks = self._swarm, self._swarm.desks
+        if not desks or not swarm.radio.reaches_all or not all(desk.counts_latest for desk in desks):
+            return None
+        return swarm.fleet.telemetry.moves()
 
     def _before_orders(self, now: int) -> int:
         """Ticks before the next order or event."""
@@ -160,11 +178,9 @@ class QuietWorld:
         return ticks
 
     def _before_reports(self, now: int) -> int:
-        """Ticks up to the next one that has something to report: at least 1."""
-        swarm, ticks, desks = self._swarm, [self._most], self._swarm.desks
-        if desks:
-            ticks.append(swarm.telemetry_ticks - now % swarm.telemetry_ticks)
-        for desk in desks:
+        """Ticks up to the next one that has something to report, telemetry apart: at least 1."""
+        swarm, ticks = self._swarm, [self._most]
+        for desk in swarm.desks:
             due = max(0.0, desk.next_due)  # one that has never sent a heartbeat is overdue since -inf
             if due < inf:
                 ticks.append(max(1, int(due / self._tick) - 1 - now))
@@ -189,10 +205,12 @@ class QuietWorld:
             self._asked = swarm.sonars & minds.reads() if minds.awake else frozenset()
             block.listen(swarm.rows_of(self._asked))
         block.prepare()
-        desks = swarm.desks
-        sampled = bool(desks) and (swarm.simulator.tick + ticks) % swarm.telemetry_ticks == 0
+        desks, sonars = swarm.desks, bool(swarm.sonars)
+        block.sample(0 if self._moves is None else swarm.telemetry_ticks, self._moves or (), sonars=sonars)
+        left = bool(desks) and self._moves is None
+        sampled = left and (swarm.simulator.tick + ticks) % swarm.telemetry_ticks == 0
         self._reports = sampled or any(desk.next_due < inf for desk in desks)
-        block.begin(ticks, sampled and bool(swarm.sonars) and (bool(self._asked) or swarm.radio.reaches_all))
+        block.begin(ticks, sampled and sonars and (bool(self._asked) or swarm.radio.reaches_all))
         swarm.whole = False
         return ticks
 
@@ -217,6 +235,7 @@ class QuietWorld:
         block.note()
         simulator = swarm.simulator
         minds.note(ticks, block.most_steps)
+        self._note_samples(simulator.tick - (trouble is not None), ticks)
         minds.at(simulator.tick, simulator.time)
         if trouble is not None:
             minds.finish(trouble)
@@ -231,6 +250,17 @@ class QuietWorld:
             witness.ticked()
         self.ticks += ticks
         return ticks
+
+    def _note_samples(self, tick: int, ticks: int) -> None:
+        """So many ticks were made up to this one: note the telemetry of the last one in which it was sampled."""
+        swarm = self._swarm
+        last = tick - tick % swarm.telemetry_ticks
+        if self._moves is None or last <= tick - ticks:
+            return
+        now = last * self._tick
+        swarm.fleet.telemetry.took(self._minds.clock(last, now))
+        for desk in swarm.desks:
+            desk.observed(now)
 
 
 class QuietTicks:

@@ -605,6 +605,18 @@ class Station:
             if self._sent.latch is not None:
                 self._update_latch(robots, self._fleet_telemetry.stopped(robots), now)
 
+    def observed(self, now: float) -> None:
+        """All robots have told of themselves, most recently at `now` (s), and their minds keep it."""
+        with self._lock:
+            self._tellings += 1
+            self._roster.observe(slice(None), now)
+
+    @property
+    def counts_latest(self) -> bool:
+        """Whether only the latest of what robots tell matters, as long as nobody looks: no STOP or RELEASE is accounted
+        for by it."""
+        return self._sent.latch is None
+
     def _update_latch(self, robots: Index, stopped: Mask, now: float) -> None:
         """Robots that tell that they are stopped, or not, account for a STOP or RELEASE that was sent before."""
         latest = self._sent.latch

@@ -134,7 +134,9 @@ class BodyBlock:
         self._some = np.zeros(0 if self._sonars is None else self._sonars.ring.count + 1, np.bool_)
         self._all = ~self._some
         self._scratch: Scratch | None = None
+        self._moves: Sequence[tuple[int, int, int]] | None = None
         self.think((), (), (), {}, 0)
+        self.sample(0, (), sonars=False)
         self.put("senses", words.SENSES, listed(simulator.senses.beginnings or ()))
 
     @property
@@ -186,6 +188,14 @@ class BodyBlock:
         self.put("steps", words.MOST_STEPS, self._steps)
         self.words[words.DRAWN] = drawn
         self.words[words.AWAKE] = bool(legs)
+
+    def sample(self, every: int, moves: Sequence[tuple[int, int, int]], *, sonars: bool) -> None:
+        """What is to be copied after ticks whose number is a multiple of `every` (0: none): from which address to which
+        one, and how many bytes. sonars: whether all of them are wanted then."""
+        self.words[words.EVERY], self.words[words.HEARD] = every, sonars
+        if moves is not self._moves:
+            self._moves = moves
+            self.put("moves", words.MOVES, listed([(begin, into, size // 8) for begin, into, size in moves]))
 
     def begin(self, ticks: int, sampled: bool) -> None:
         """The next call is to make so many ticks. sampled: whether all sonars are wanted in the last one."""
@@ -372,7 +382,8 @@ class BodyBlock:
         if own[words.SORTED]:
             bodies.near.know(self._points, bodies.x, bodies.y)
         last = own[words.DONE] + (own[words.TROUBLE] > 0) == own[words.TICKS]
-        every = bool(own[words.SAMPLED] and last)
+        told = own[words.EVERY] and own[words.HEARD] and own[words.TICK] % own[words.EVERY] == 0
+        every = bool(told or (own[words.SAMPLED] and last))
         if self._sonars is not None and (every or (own[words.AWAKE] and own[words.SEES])):
             self._sonars.note(self._all if every else self._some)
 

@@ -56,11 +56,13 @@ from sleepcast.simulator.quiet.layout import (
     DROPOUT,
     ECHO,
     ECHOES,
+    EVERY,
     FIX,
     FORWARD,
     FREE,
     GATHER,
     HEAR,
+    HEARD,
     HIT_X,
     HIT_Y,
     KEYED,
@@ -74,6 +76,7 @@ from sleepcast.simulator.quiet.layout import (
     MODE,
     MOMENTS,
     MOST_STEPS,
+    MOVES,
     NEAR,
     ONES,
     PLACE,
@@ -148,13 +151,17 @@ def quiet(table, kernels, first, last):
         while word(w, DONE) < word(w, TICKS):
             act(w)
             advance(w, kernels)
+            told = word(w, EVERY) != 0 and word(w, TICK) % word(w, EVERY) == 0
             final = word(w, DONE) + 1 == word(w, TICKS)
-            if word(w, AWAKE) or (final and word(w, SAMPLED)):
-                sense(w, kernels, final and word(w, SAMPLED) != 0)
+            every = (told and word(w, HEARD) != 0) or (final and word(w, SAMPLED) != 0)
+            if word(w, AWAKE) or every:
+                sense(w, kernels, every)
             if word(w, AWAKE):
                 think(w)
                 if word(w, TROUBLE):
                     break
+            if told:
+                tell(w)
             put_word(w, DONE, word(w, DONE) + 1)
 
 
@@ -289,6 +296,16 @@ def drain(w):
         for i in range(word(w, COUNT)):
             rest = real(store, i) - lost
             put_real(store, i, 0.0 if rest < 0.0 else rest)
+
+
+@part
+def tell(w):
+    """Copy what robots tell of themselves; see `ValueColumns.copy_all`."""
+    moves = word(w, MOVES)
+    for number in range(word(moves, 0)):
+        begin, into = word(moves, 3 * number + 1), word(moves, 3 * number + 2)
+        for i in range(word(moves, 3 * number + 3)):
+            put_word(into, i, word(begin, i))
 
 
 @part

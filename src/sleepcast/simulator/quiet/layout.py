@@ -78,7 +78,10 @@ ROUNDS = 43
 """The address of a list: of positions along an axis of a torus, each with its size, m."""
 SLIDES, BEFORE, BEFORE_X, BEFORE_Y = range(44, 48)
 """Whether bodies slide; the addresses of room for what contact has come to before they did."""
-HEADER = 48
+EVERY, MOVES, HEARD = range(48, 51)
+"""After how many ticks telemetry is sampled, 0 for never; the address of a list: from where to where it is copied, and
+how many words; whether sonars are wanted then, all of them."""
+HEADER = 51
 BLOCKS = tuple(HEADER + sum(sum(map(_size, each)) for each in SAMPLES[:number]) for number in range(KERNELS + 1))
 """Where the arguments of each kernel begin, and the end."""
 LENGTH = BLOCKS[-1]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 import signal
 import subprocess
@@ -13,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from sleepcast.core import code_cache
-from sleepcast.core.code_cache import CodeCache, LinkedCode, processor, target_machine, version_of
+from sleepcast.core.code_cache import CodeCache, processor, version_of
 
 
 @pytest.fixture
@@ -178,64 +177,39 @@ def test_an_end_in_the_middle_leaves_a_whole_piece(cache: CodeCache, sent: signa
         cache.save("a", bytes(10))
 
 
-CALLING = """
-@count = global i64 40
-@zeros = common global [64 x i64] zeroinitializer, align 64
-@table = constant [2 x ptr] [ptr @one, ptr @two]
-declare i64 @there(i64)
-declare double @outside(double)
-declare i64 @labs(i64)
-define internal i64 @one() { ret i64 1 }
-define internal i64 @two() { ret i64 2 }
-define i64 @entry(i64 %which) {
-  %before = load i64, ptr @count
-  %after = add i64 %before, 1
-  store i64 %after, ptr @count
-  %slot = getelementptr [64 x i64], ptr @zeros, i64 0, i64 63
-  %zero = load i64, ptr %slot
-  store i64 %after, ptr %slot
-  %place = getelementptr [2 x ptr], ptr @table, i64 0, i64 %which
-  %function = load ptr, ptr %place
-  %small = call i64 %function()
-  %real = call double @outside(double 2.5)
-  %whole = fptosi double %real to i64
-  %other = call i64 @there(i64 %zero)
-  %positive = call i64 @labs(i64 -1000)
-  %a = add i64 %after, %small
-  %b = add i64 %a, %whole
-  %c = add i64 %b, %other
-  %d = add i64 %c, %positive
-  ret i64 %d
-}
-"""
-THERE = "define i64 @there(i64 %x) { %y = mul i64 %x, 10000 ret i64 %y }"
-
-
-def compiled(text: str) -> bytes:
-    """The object file of a module's text."""
-    binding = pytest.importorskip("llvmlite.binding")
-    made: bytes = target_machine().emit_object(binding.parse_assembly(text))
-    return made
-
-
-@ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)
-def tenfold(number: float) -> float:
-    return 10.0 * number
-
-
-def test_code_reaches_its_own_data_other_files_and_the_process() -> None:
-    """And each piece has data of its own, though they were made of the same files."""
-    outside = {"outside": ctypes.cast(tenfold, ctypes.c_void_p).value or 0}
-    objects = compiled(CALLING), compiled(THERE)
-    pieces = [LinkedCode(objects, outside) for _ in range(2)]
-    for piece in pieces:
-        entry = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)(piece.address("entry"))
-        assert entry(0) == 41 + 1 + 25 + 0 + 1_000
-        assert entry(1) == 42 + 2 + 25 + 410_000 + 1_000
-
-
 def test_code_is_for_this_processor_and_this_version() -> None:
     binding = pytest.importorskip("llvmlite.binding")
-    assert binding.get_host_cpu_name() in processor().splitlines()
+    words = [binding.get_process_triple(), binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()]
+    assert processor().splitlines() == words
     assert b"version" in version_of("llvmlite")
     assert version_of("no_such_library") == b""
+
+
+SAID = """
+import sys
+from sleepcast.core.code_cache import processor
+print(processor())
+print("llvmlite" in sys.modules)
+"""
+
+
+def test_llvm_is_asked_for_the_processor_once_until_the_computer_is_started_anew(
+    cache: CodeCache, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where the system does not say when that was, it is asked each time."""
+    pytest.importorskip("llvmlite.binding")
+
+    def said() -> list[str]:
+        return subprocess.run([sys.executable, "-c", SAID], capture_output=True, text=True, check=True).stdout.split()
+
+    kept, (*words, loaded) = CodeCache("processors"), said()
+    assert [*words, loaded] == [*processor().split(), "True"]
+    if code_cache._started():
+        assert said() == [*words, "False"]
+        (name,) = kept.names(code_cache._started())
+        kept.save(name, b"of another one")
+        assert said() == ["of", "another", "one", "False"]
+    for number, expected in (("", words), ("another", words)):
+        monkeypatch.setattr(code_cache, "_started", lambda number=number: number)
+        assert processor.__wrapped__().split() == expected
+    assert len(kept.names("")) == 1 + bool(kept.names("another"))

@@ -1,5 +1,4 @@
-"""Native code that outlives a process: one private folder for each kind of it, in the user's cache folder. LLVM
-links what was kept there.
+"""Native code that outlives a process: one private folder for each kind of it, in the user's cache folder.
 
 What lies there is run, so a folder or a file counts only if nobody but this user (or root) can write to it. It is
 opened once, judged, and then used through its descriptor, so that it cannot be replaced meanwhile.
@@ -12,7 +11,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from hashlib import sha256
@@ -20,7 +19,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from secrets import token_hex
 from stat import S_ISDIR, S_ISREG, S_IWGRP, S_IWOTH
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from sleepcast.core.files import cache_folder
 
@@ -90,29 +89,6 @@ class CodeCache:
         return False
 
 
-class LinkedCode:
-    """Machine code in memory, ready to run; it is there as long as this object.
-
-    objects: object files, as LLVM makes them for code that it runs itself
-    others: addresses of names that none of them has. What is not among these must be in the process: LLVM ends it over
-        a name that nobody has
-    """
-
-    def __init__(self, objects: Sequence[bytes], others: Mapping[str, int] | None = None) -> None:
-        from llvmlite import binding
-
-        for name, address in (others or {}).items():
-            binding.add_symbol(name, address)
-        self._engine: Any = binding.create_mcjit_compiler(binding.parse_assembly(""), target_machine())
-        for code in objects:
-            self._engine.add_object_file(binding.ObjectFileRef.from_data(code))
-        self._engine.finalize_object()
-
-    def address(self, name: str) -> int:
-        """Where the function of this name begins."""
-        return int(self._engine.get_function_address(name))
-
-
 def target_machine(level: int = 2) -> TargetMachine:
     """What makes code for this processor, optimised to this level."""
     from llvmlite import binding
@@ -122,9 +98,26 @@ def target_machine(level: int = 2) -> TargetMachine:
     return target.create_target_machine(cpu=name, features=features, opt=level, jit=True)
 
 
+@cache
 def processor() -> str:
-    """What machine code for this processor depends on."""
-    return "\n".join(_here())
+    """What machine code for this processor depends on. LLVM tells it, which takes long to load, so once until this
+    computer is started anew: then it may be another one."""
+    kept, name = CodeCache("processors"), f"{_started()}-{sha256(version_of('llvmlite')).hexdigest()[:16]}"
+    known = kept.load(name) if _started() else None
+    if known is None:
+        known = "\n".join(_here()).encode()
+        if _started():
+            kept.save(name, known)
+    return known.decode()
+
+
+@cache
+def _started() -> str:
+    """The number that this computer has got when it was started; empty where the system gives none."""
+    try:
+        return Path("/proc/sys/kernel/random/boot_id").read_text().strip()
+    except OSError:
+        return ""
 
 
 @cache

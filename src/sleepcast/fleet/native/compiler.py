@@ -27,8 +27,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.columns.values import Column, Rows
-from sleepcast.core.code_cache import CodeCache, LinkedCode, processor, target_machine, version_of
+from sleepcast.core.code_cache import CodeCache, processor, target_machine, version_of
 from sleepcast.core.errors import SleepcastError
+from sleepcast.core.linking import LinkedCode
 from sleepcast.core.model import BodyColumn, HostFunction, NativeCall
 from sleepcast.core.threads import ThreadPool, borders
 from sleepcast.fleet.native import libm

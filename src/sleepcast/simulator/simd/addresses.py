@@ -13,7 +13,8 @@ from importlib.util import find_spec
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
-from sleepcast.core.code_cache import LinkedCode, target_machine
+from sleepcast.core.code_cache import target_machine
+from sleepcast.core.linking import LinkedCode
 from sleepcast.simulator.simd.cached import ENTRIES, ROOM_NAME, identity
 
 if TYPE_CHECKING:

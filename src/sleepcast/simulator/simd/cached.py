@@ -22,7 +22,8 @@ from typing import Any, TypeAlias
 import msgspec
 import numpy as np
 
-from sleepcast.core.code_cache import CodeCache, LinkedCode, processor, version_of
+from sleepcast.core.code_cache import CodeCache, processor, version_of
+from sleepcast.core.linking import LinkedCode, in_process
 
 Call: TypeAlias = Callable[[tuple[Any, ...]], Any]
 
@@ -156,8 +157,7 @@ def _entries(module: str, name: str) -> Iterator[Call]:
 
 def all_in_process(functions: Sequence[str]) -> bool:
     """Whether this process has functions of these names for everybody."""
-    process = ctypes.CDLL(None)
-    return all(hasattr(process, name) for name in functions)
+    return all(in_process(name) is not None for name in functions)
 
 
 def linked_entry(piece: EntryPiece) -> Call:
@@ -184,8 +184,7 @@ def linked_entry(piece: EntryPiece) -> Call:
 def _needed(name: str) -> tuple[object, int | None]:
     """An object or function of this name, and its address."""
     if name.startswith(FUNCTION):
-        function = getattr(ctypes.pythonapi, name.removeprefix(FUNCTION))
-        return function, ctypes.cast(function, ctypes.c_void_p).value
+        return None, in_process(name.removeprefix(FUNCTION))
     module, _, path = name.partition(":")
     found: object = import_module(module)
     for part in path.split("."):

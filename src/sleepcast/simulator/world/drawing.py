@@ -11,6 +11,7 @@ are not opened.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -31,6 +32,7 @@ from sleepcast.simulator.world.svg import (
     read_path,
 )
 from sleepcast.simulator.world.svg_styles import (
+    STROKE,
     Match,
     Style,
     StyleError,
@@ -44,6 +46,8 @@ from sleepcast.simulator.world.world import MAX_NAME, MAX_SOLIDS, Area, Circle, 
 
 TOLERANCE = 0.001
 """Largest distance between a curve and the lines that replace it, m: less than sonars and bumpers can resolve."""
+PAPER = 0.001
+"""By which part of the page's size its background may be smaller: programs round."""
 MAX_BYTES = 8_388_608
 """Bytes of a drawing: floor plans of large buildings have a tenth of it."""
 MAX_ELEMENTS = 100_000
@@ -56,6 +60,9 @@ MAX_DEPTH = 128
 TOO_MANY = f"more than {MAX_SOLIDS} lines: leave some out"
 
 SVG = "http://www.w3.org/2000/svg"
+HREF = "http://www.w3.org/1999/xlink href"
+_LETTER = re.compile(r"#glyph-?\d")
+"""What programs that use Cairo, such as pdftocairo, make of a letter: a copy of its shape."""
 GROUPS = ("g", "a", "switch")
 DRAWN = ("path", "polygon", "polyline", "rect", "circle", "ellipse", "line")
 
@@ -73,6 +80,7 @@ class Drawing:
 class _Inherited:
     """What an element inherits from the groups around it.
 
+    stroke: "" where nothing is said of it
     shown: whether anything of it is
     visible: unless it says otherwise itself
     match: which selectors it fits
@@ -83,6 +91,7 @@ class _Inherited:
     fill: str = "black"
     fill_opacity: float = 1.0
     fill_rule: str = "nonzero"
+    stroke: str = ""
     shown: bool = True
     visible: bool = True
     match: Match = Match()  # noqa: RUF009  # as above
@@ -91,12 +100,23 @@ class _Inherited:
     def filled(self) -> bool:
         return self.fill_opacity > 0.0 and is_filled(self.fill)
 
+    @property
+    def seen(self) -> bool:
+        """Whether it is drawn: programs put boxes around shapes which they say have neither fill nor stroke."""
+        return self.shown and self.visible and (self.filled or self.stroke != "none")
+
+    @property
+    def clear(self) -> bool:
+        """Whether it is filled with a colour that lets everything through, and nothing is said of a stroke."""
+        return not self.filled and is_filled(self.fill) and not self.stroke
+
     def inside(self, name: str, attributes: dict[str, str], style: Style, match: Match) -> _Inherited:
         """What holds inside an element that has this style. Raises PathError."""
         matrix = self.matrix.after(matrix_of(style, attributes))
         if not all(abs(value) <= MAX_NUMBER for value in matrix):
             raise PathError("transform: too large")
         fill, visible = style.get("fill", "inherit"), style.get("visibility", "inherit").casefold()
+        stroke = style.get(STROKE, "inherit").casefold()
         rule, opacity = style.get("fill-rule", "inherit").casefold(), style.get("fill-opacity", "inherit")
         return _Inherited(
             matrix=matrix,
@@ -104,6 +124,7 @@ class _Inherited:
             fill=self.fill if fill.casefold() == "inherit" or not is_paint(fill) else fill,
             fill_opacity=self.fill_opacity if opacity.casefold() == "inherit" else share(opacity),
             fill_rule=rule if rule in ("nonzero", "evenodd") else self.fill_rule,
+            stroke=self.stroke if stroke == "inherit" else stroke,
             shown=self.shown
             and style.get("display", "").casefold() != "none"
             and share(style.get("opacity", "1")) > 0.0,
@@ -117,6 +138,7 @@ class _Drawn:
     """One element, in units of the drawing.
 
     solid: whether it is filled
+    paper: whether it would be the page's background, were it as large
     disc: centre and radius of a circle, which is also given as lines
     number: line number in the file
     """
@@ -124,6 +146,7 @@ class _Drawn:
     lines: list[Subpath]
     around: _Inherited
     solid: bool
+    paper: bool
     number: int
     disc: tuple[complex, float] | None = None
 
@@ -148,17 +171,30 @@ def read_drawing(path: Path, metre: float | None, at: Point = (0.0, 0.0), *, wal
         )
     low, top = complex(page.x, page.y), page.y + page.height
     upright = Matrix(scale, 0.0, 0.0, -scale, at[0] - low.real * scale, at[1] + top * scale)
+    high = at[0] + page.width * scale, at[1] + page.height * scale
     shapes, sides, compared = list[Shape](), 0, ComparisonBudget()
-    for drawn in reader.drawn:
+    for number, drawn in enumerate(reader.drawn, 1):
         try:
             for shape in _shapes(drawn, upright, MAX_SOLIDS - sides, compared):
                 sides += _sides(shape)
-                shapes.append(shape)
+                if shapes or number == len(reader.drawn) or not (drawn.paper and _covers(shape, at, high)):
+                    shapes.append(shape)
         except PathError as error:
             raise SettingsError(f"{path}:{drawn.number}: {error}") from None
         if sides > MAX_SOLIDS:
             raise SettingsError(f"{path}:{drawn.number}: {TOO_MANY}")
-    return Drawing(tuple(shapes), at, (at[0] + page.width * scale, at[1] + page.height * scale))
+    return Drawing(tuple(shapes), at, high)
+
+
+def _covers(shape: Shape, low: Point, high: Point) -> bool:
+    """Whether it is a rectangle as large as the page or larger. low, high: corners of the page, m"""
+    outlines = shape.outlines if isinstance(shape, Area) else (_open(shape.points),) if isinstance(shape, Wall) else ()
+    return [*map(len, outlines)] == [4] and all(
+        len(sides := sorted({point[axis] for point in outlines[0]})) == 2
+        and sides[0] <= low[axis] + PAPER * (high[axis] - low[axis])
+        and sides[1] >= high[axis] - PAPER * (high[axis] - low[axis])
+        for axis in (0, 1)
+    )
 
 
 @dataclass(slots=True)
@@ -363,6 +399,8 @@ class _DrawingReader:
             raise self._error(name, "is no drawing: wanted an svg")
         if self._skipped or space not in ("", SVG) or not self._around[-1].shown:
             self._skipped += 1
+        elif name == "use" and _LETTER.match(attributes.get(HREF, attributes.get("href", ""))):
+            self._skipped = 1
         elif name in ("use", "svg") and self.page_number:
             raise self._error(name, "a drawing within the drawing; unlink it, so that its shapes stand here themselves")
         elif name in (*GROUPS, "svg", *DRAWN):
@@ -389,14 +427,15 @@ class _DrawingReader:
         self._around.append(around)
         if name == "svg":
             self.page, self.page_number = page_of(attributes), self._parser.CurrentLineNumber
-        elif name in DRAWN and around.shown and around.visible:
+        elif name in DRAWN and around.seen:
             disc = _disc(attributes) if name == "circle" else None
             lines = _lines(name, attributes)
             self._curves += sum(1 + len(line.curves) for line in lines)
             if self._curves > MAX_CURVES:
                 raise PathError(f"with it the drawing has more than {MAX_CURVES} curves: leave some out")
             solid = around.filled and name != "line" and not self._walls
-            self.drawn.append(_Drawn(lines, around, solid, self._parser.CurrentLineNumber, disc))
+            paper = solid or around.clear
+            self.drawn.append(_Drawn(lines, around, solid, paper, self._parser.CurrentLineNumber, disc))
 
     def _error(self, what: str, sentence: str) -> SettingsError:
         shown = f"<{what[:60]}>: " if what else ""

@@ -23,6 +23,8 @@ PROPERTIES = (
     *("display", "fill", "fill-opacity", "fill-rule", "opacity", "transform", "transform-origin", "visibility"),
 )
 """What counts here; all else a style may say is for the eye alone."""
+STROKE = "stroke"
+"""What also counts where an element itself says it, and no style sheet says anything of strokes."""
 SIZES = ("cx", "cy", "d", "height", "r", "rx", "ry", "width", "x", "y")
 """What makes a shape another one, and is only read from its attributes."""
 MOVES = ("offset-path", "rotate", "scale", "transform-box", "translate")
@@ -48,6 +50,7 @@ CONDITIONS = ("container", "layer", "media", "scope", "supports")
 
 _BRACKET = re.compile(r"[()\[\]{}]")
 _VARIABLE = re.compile(r"var\(\s*--[^\s,()]+\s*(?:,([^()]*(?:\([^()]*\))?[^()]*))?\)", re.IGNORECASE)
+_SAYS_STROKE = re.compile(r"\bstroke\s*:", re.IGNORECASE)
 _SAYS_VARIABLE = re.compile(r"(?:^|[;{])\s*--[^\s:;]+\s*:")
 
 Style = dict[str, str]
@@ -100,17 +103,20 @@ class StyleSheets:
         self._rules = self._tries = 0
         self._variables = False
         """Whether anything is said of CSS's variables, whose values are not followed."""
+        self._strokes = False
+        """Whether anything is said of strokes, so that an element may have another one than it says."""
 
     def add(self, sheet: str, line: int) -> None:
         """Read a style sheet that begins in this line of the file. Raises StyleError."""
         if (place := _too_deep(sheet)) >= 0:
             raise StyleError(line + sheet.count("\n", 0, place), f"more than {MAX_NESTED} brackets in brackets")
+        self._strokes |= _SAYS_STROKE.search(sheet) is not None
         self._add(tinycss2.parse_stylesheet(sheet, skip_comments=True, skip_whitespace=True), line)
 
     def style_of(self, name: str, attributes: Mapping[str, str], outer: Match) -> tuple[Style, Match]:
         """What is said of an element, and which parts of selectors it fits. outer: those of the element around it.
         Raises PathError where there is too much to compare."""
-        style = {key: attributes[key] for key in PROPERTIES if key in attributes}
+        style = {key: attributes[key] for key in (*PROPERTIES, STROKE) if key in attributes}
         if any(_too_deep(each) >= 0 for each in (*style.values(), attributes.get("style", ""))):
             raise PathError(f"style: more than {MAX_NESTED} brackets in brackets")
         match, said = self._match(name, attributes, outer)
@@ -120,8 +126,10 @@ class StyleSheets:
         for each in (*said, own):
             style |= each.important
         _refuse_unread(name, style)
+        stroke = style.pop(STROKE, "")
         self._variables |= bool(_SAYS_VARIABLE.search(attributes.get("style", "")))
-        return {key: _settled(key, value, variables=self._variables) for key, value in style.items()}, match
+        settled = {key: _settled(key, value, variables=self._variables) for key, value in style.items()}
+        return settled | ({STROKE: stroke.strip()} if stroke and not self._strokes else {}), match
 
     def _match(self, name: str, attributes: Mapping[str, str], outer: Match) -> tuple[Match, list[Declared]]:
         if not self._parts:
@@ -282,13 +290,14 @@ def _too_deep(text: str) -> int:
 @lru_cache(maxsize=4_096)
 def _declared(text: str) -> Declared:
     """What a `style` attribute says."""
-    return _declarations(tinycss2.parse_blocks_contents(text)) if text else Declared({}, {})
+    return _declarations(tinycss2.parse_blocks_contents(text), STROKE) if text else Declared({}, {})
 
 
-def _declarations(declared: Iterable[Any]) -> Declared:
+def _declarations(declared: Iterable[Any], *more: str) -> Declared:
+    """more: properties that are read besides those that rules are read for."""
     declared_values = Declared({}, {})
     for each in declared:
-        if each.type == "declaration" and each.lower_name in (*PROPERTIES, *SIZES, *MOVES):
+        if each.type == "declaration" and each.lower_name in (*PROPERTIES, *SIZES, *MOVES, *more):
             value = tinycss2.serialize(each.value).strip()
             if each.lower_name != "fill" or is_paint(value):
                 (declared_values.important if each.important else declared_values.normal)[each.lower_name] = value  # type: ignore[index]

@@ -9,10 +9,12 @@ import socket
 import subprocess
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
 from math import inf, nan, pi
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import pytest
@@ -20,9 +22,11 @@ import pytest
 pytest.importorskip("pymavlink")
 pytest.importorskip("pyproj")
 
+from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridges.mind import PATIENCE
+from channel.test_udp import free_port
 from sleepcast.bridges import UNLIMITED, Opening, open_robot
 from sleepcast.bridges.address import BodyError
 from sleepcast.bridges.mavlink.ground_station import QUIET, GroundStation, PilotRequest, open_ground_station
@@ -383,7 +387,7 @@ def test_what_programs_wait_for_before_they_command_anything(
     for number, name, result in (
         (242.0, "HOME_POSITION", 0),
         (148.0, "AUTOPILOT_VERSION", 0),
-        (30.0, "", 3),
+        (26.0, "", 3),
         (nan, "", 3),
     ):
         desk.order(512, number)
@@ -629,3 +633,93 @@ def test_a_simulated_robot_is_stopped_released_and_driven_from_a_ground_station(
     printed = (tmp_path / "screen").read_text()
     assert "stopped, and at rest until RELEASE" in printed
     assert "released, and free to be moved again" in printed
+
+
+def test_a_message_comes_as_often_as_the_ground_station_asks(
+    ground: GroundStation, desk: Desk, clock: ManualClock
+) -> None:
+    def told(seconds: float) -> Counter[str]:
+        """How often each came."""
+        counts: Counter[str] = Counter()
+        for _ in range(round(seconds / 0.1)):
+            desk.seen.clear()
+            ground.tell({"x": 1.0, "y": 2.0, "heading": 0.0}, stopped=False)
+            counts.update(desk.seen.keys())
+            clock.advance(0.1001)
+        return counts
+
+    def every(number: int, interval: float) -> int:
+        desk.order(511, number, interval)
+        assert ground.requests() == []
+        return int(desk.seen["COMMAND_ACK"].result)
+
+    usual = told(4.0)
+    assert (usual["GLOBAL_POSITION_INT"], usual["VFR_HUD"], usual["HEARTBEAT"], usual["BATTERY_STATUS"]) == (
+        20,
+        20,
+        4,
+        4,
+    )
+    assert [every(33, 1e5), every(30, -1.0), every(1, 2e6)] == [0, 0, 0]
+    changed = told(4.0)
+    assert (changed["GLOBAL_POSITION_INT"], changed["ATTITUDE"], changed["SYS_STATUS"]) == (40, 0, 2)
+    assert (changed["VFR_HUD"], changed["HOME_POSITION"]) == (20, 4), "as before"
+    assert [every(33, 0.0), every(30, 0.0)] == [0, 0]
+    again = told(4.0)
+    assert (again["GLOBAL_POSITION_INT"], again["ATTITUDE"]) == (20, 20)
+    assert [every(0, -1.0), every(33, nan), every(26, 1e5)] == [2, 2, 3], "heartbeats stay, others there are not"
+    assert told(1.0)["HEARTBEAT"] == 1
+
+
+def test_what_is_asked_for_by_name_or_by_number(ground: GroundStation, desk: Desk) -> None:
+    for name, index, answered in ((b"SYSID_THISMAV", -1, True), (b"", 0, True), (b"SYSID_MYGCS", -1, False)):
+        desk.seen.clear()
+        desk.waiting.append(desk.pack(desk.mav.param_request_read_encode(ROBOT, 1, name, index)))
+        assert ground.requests() == []
+        assert ("PARAM_VALUE" in desk.seen) is answered
+    desk.waiting.append(desk.pack(desk.mav.param_set_encode(ROBOT, 1, b"SYSID_THISMAV", 9.0, 9)))
+    ground.requests()
+    assert desk.seen["PARAM_VALUE"].param_value == ROBOT, "as it was"
+    ground.tell({"x": 1.0, "y": 2.0, "heading": 0.0}, stopped=False)
+    desk.seen.clear()
+    desk.order(512, 33)
+    ground.requests()
+    ground.tell({"x": 1.0, "y": 2.0, "heading": 0.0}, stopped=False)
+    assert (desk.seen["COMMAND_ACK"].result, desk.seen.keys()) == (0, {"COMMAND_ACK", "GLOBAL_POSITION_INT"})
+
+
+def test_there_are_no_missions_and_none_is_taken(ground: GroundStation, desk: Desk) -> None:
+    """A ground station that is not answered asks again, and then says that it has failed."""
+    for kind in (0, 1, 2):  # missions, fences, rally points
+        desk.waiting.append(desk.pack(desk.mav.mission_request_list_encode(ROBOT, 1, kind)))
+        ground.requests()
+        assert (desk.seen["MISSION_COUNT"].count, desk.seen["MISSION_COUNT"].mission_type) == (0, kind)
+        for message, result in (
+            (desk.mav.mission_count_encode(ROBOT, 1, 3, kind), 14),
+            (desk.mav.mission_count_encode(ROBOT, 1, 0, kind), 0),
+            (desk.mav.mission_clear_all_encode(ROBOT, 1, kind), 0),
+        ):
+            desk.waiting.append(desk.pack(message))
+            assert ground.requests() == []
+            assert (desk.seen["MISSION_ACK"].type, desk.seen["MISSION_ACK"].mission_type) == (result, kind)
+    assert desk.seen["STATUSTEXT"].text == "it takes no missions"
+
+
+def test_a_script_of_pymavlink_that_asks_where_it_is_gets_an_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It waits for VFR_HUD, for as long as that takes."""
+    monkeypatch.setenv("MAVLINK20", "1")  # which it would set itself
+    port = free_port()
+    script = mavutil.mavlink_connection(f"udpin:127.0.0.1:{port}")
+    ground = open_ground_station(f"mavlink://127.0.0.1:{port}?unsigned=yes&origin=36.6,-121.9", ROBOT, (1.0, 1.0))
+    places: list[Any] = []
+    asking = Thread(target=lambda: places.append(script.location()), daemon=True)
+    asking.start()
+    end = time.monotonic() + PATIENCE
+    while asking.is_alive() and time.monotonic() < end:
+        ground.tell({"x": 30.0, "y": 40.0, "heading": 0.0, "height": 2.0}, stopped=False)
+        time.sleep(0.02)
+    ground.close()
+    (place,) = places
+    assert (place.lat, place.lng) == pytest.approx((36.60036, -121.899665), abs=2e-6)
+    assert (place.alt, place.heading) == (2.0, 90)
+    script.close()

@@ -62,3 +62,19 @@ def test_a_program_waits_until_it_is_ready_drives_it_and_does_not_rearm_what_it_
         program.say("place")
         mind.say('(RULE seek (WHEN (AND (= goal_x 2) (= goal_y 3) (= goal_height 1)) (REPORT "place taken")))')
         mind.wait_for("place taken")
+
+
+def test_a_program_asks_for_its_place_more_often_its_number_and_its_missions(tmp_path: Path) -> None:
+    """Each of these calls raised an error while it was not answered."""
+    port = free_port()
+    uri = f"mavlink://127.0.0.1:{port}?unsigned=yes&origin=36.6,-121.9#7"
+    with (
+        closing(Program(port, tmp_path)) as program,
+        closing(Mind("sim:maze", tmp_path, "--ground-station", uri)),
+    ):
+        program.wait_for("connected")
+        program.say("ready", "battery", "often", "imu", "number", "download", "clear", "upload")
+        program.wait_for(
+            "ready, all ok: True", "battery: done: 0.0", "often: done", "imu: UNSUPPORTED", "number: done: 7.0"
+        )
+        program.wait_for("download: done: []", "clear: DENIED", "upload: DENIED")

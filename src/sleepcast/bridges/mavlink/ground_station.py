@@ -13,7 +13,7 @@ the robot cannot do is refused with a text to the ground station.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from contextlib import suppress
 from dataclasses import dataclass
 from math import atan2, cos, hypot, inf, isfinite, nan, pi, remainder, sin
@@ -21,7 +21,17 @@ from typing import Any, Literal
 
 from sleepcast.bridges.address import read_body_address
 from sleepcast.bridges.mavlink.link import LINK, MavlinkConnection, open_link, system_of
-from sleepcast.bridges.mavlink.self_portrait import AUTOPILOT_VERSION, GUIDED, HOLD, SelfPortrait
+from sleepcast.bridges.mavlink.self_portrait import (
+    AUTOPILOT_VERSION,
+    BEAT,
+    EVERY,
+    GUIDED,
+    HOLD,
+    PARAMETER,
+    PLACE,
+    STATE,
+    SelfPortrait,
+)
 from sleepcast.core.clock import Clock, WallClock
 from sleepcast.core.geodesy import LocalMap, Origin
 
@@ -32,10 +42,8 @@ QUIET = 1.0
 """Seconds after the last setpoint: a dead man's switch, as for every driven robot."""
 TELL_AGAIN = 5.0
 """Seconds between two reports of refused messages, and between two texts to the ground station that are the same."""
-EVERY = {"heartbeat": 1.0, "place": 0.2, "state": 1.0}
-"""Seconds between two messages of each kind."""
 SET_MODE, ARM_DISARM, TERMINATE, GO_TO, WAYPOINT = 176, 400, 185, 192, 16
-SEND_ONE, TELL_ABILITIES = 512, 520
+SEND_EVERY, SEND_ONE, TELL_ABILITIES = 511, 512, 520
 STOPPING_MODES = frozenset((HOLD, 5))
 """HOLD and LOITER: a rover stands in both."""
 ACCEPTED, DENIED, UNSUPPORTED = 0, 2, 3
@@ -98,7 +106,8 @@ class GroundStation:
         self._map = None if origin is None else LocalMap(origin)
         self._portrait = SelfPortrait(link.mav, self._map)
         self._began = self._clock.now()
-        self._due = dict.fromkeys(EVERY, -inf)
+        self._every, self._due = dict(EVERY), dict.fromkeys(EVERY, -inf)
+        """Of each message, by its number: s between two, and when it is due."""
         self._stopped, self._disarmed, self._mode = False, False, GUIDED
         """Whether any STOP holds; whether the ground station's own is one by disarming; and the mode it has chosen."""
         self._held = False
@@ -165,8 +174,11 @@ class GroundStation:
             return self._set_point(message, now, earth=kind.endswith("GLOBAL_INT"))
         elif kind == "SET_ATTITUDE_TARGET":
             self._refuse("it cannot be driven by its attitude")
-        elif kind == "PARAM_REQUEST_LIST":
-            self._send(self._link.mav.param_value_encode(b"SYSID_THISMAV", self._link.mav.srcSystem, 9, 1, 0))
+        elif kind in ("PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"):
+            if kind.endswith("LIST") or message.param_id == PARAMETER or getattr(message, "param_index", -1) == 0:
+                self._send(self._portrait.parameter())
+        elif kind in ("MISSION_REQUEST_LIST", "MISSION_COUNT", "MISSION_CLEAR_ALL"):
+            self._answer_mission(message)
         return []
 
     def _command(self, message: Any, *, exact: bool) -> list[PilotRequest]:
@@ -187,15 +199,53 @@ class GroundStation:
             requests = self._goal(self._named_place(message, exact=exact))
             result = ACCEPTED if requests else DENIED
         elif message.command in (SEND_ONE, TELL_ABILITIES):
-            asked = self._portrait.one(message.param1 if message.command == SEND_ONE else AUTOPILOT_VERSION)
-            for each in asked:
-                self._send(each)
-            result = ACCEPTED if asked else UNSUPPORTED
+            result = self._send_one(message.param1 if message.command == SEND_ONE else AUTOPILOT_VERSION)
+        elif message.command == SEND_EVERY:
+            result = self._send_every(message.param1, message.param2)
         else:
             result = UNSUPPORTED
         asker = message.get_srcSystem(), message.get_srcComponent()
         self._send(self._link.mav.command_ack_encode(message.command, result, 0, 0, *asker))
         return requests
+
+    # ---- what it asks for
+
+    def _send_one(self, number: float) -> int:
+        """Send a message; gives the answer. One of those that are sent all the time comes when it is told next."""
+        asked = self._portrait.one(number)
+        for each in asked:
+            self._send(each)
+        if asked:
+            return ACCEPTED
+        if number not in self._due:
+            return UNSUPPORTED
+        self._due[int(number)] = -inf
+        return ACCEPTED
+
+    def _send_every(self, number: float, interval: float) -> int:
+        """Send a message more or less often; gives the answer. interval: microseconds, 0 as usual, below 0 never.
+        Heartbeats are as they are: programs count a vehicle as lost that has none."""
+        if number not in EVERY:
+            return UNSUPPORTED
+        if number == BEAT or not isfinite(interval):
+            return DENIED
+        kind = int(number)
+        self._every[kind] = interval / 1e6 if interval > 0.0 else inf if interval < 0.0 else EVERY[kind]
+        self._due[kind] = inf if interval < 0.0 else -inf
+        return ACCEPTED
+
+    def _answer_mission(self, message: Any) -> None:
+        """There are none, and none is taken; programs wait for such an answer, and ask again and again without one.
+        One of no items is none."""
+        asker, mav = (message.get_srcSystem(), message.get_srcComponent()), self._link.mav
+        if message.get_type() == "MISSION_REQUEST_LIST":
+            self._send(mav.mission_count_encode(*asker, 0, message.mission_type))
+            return
+        refused = getattr(message, "count", 0) > 0
+        if refused:
+            self._say("it takes no missions")
+        result = MISSION_DENIED if refused else ACCEPTED
+        self._send(mav.mission_ack_encode(*asker, result, message.mission_type))
 
     # ---- STOP and RELEASE
 
@@ -208,7 +258,7 @@ class GroundStation:
             self._say("it has no such mode, only HOLD, LOITER and GUIDED")
             return []
         self._mode = GUIDED
-        self._due["heartbeat"] = -inf  # also where it stays stopped
+        self._due[BEAT] = -inf  # also where it stays stopped
         return [] if self._disarmed else self._free()
 
     def _arm(self) -> list[PilotRequest]:
@@ -217,7 +267,7 @@ class GroundStation:
 
     def _free(self) -> list[PilotRequest]:
         """Programs say where to go as soon as this is acknowledged, before it is told again how the robot is."""
-        self._stopped, self._due["heartbeat"] = self._held, -inf
+        self._stopped, self._due[BEAT] = self._held, -inf
         return [PilotRequest("release")]
 
     def _disarm(self) -> list[PilotRequest]:
@@ -227,7 +277,7 @@ class GroundStation:
     def _halt(self) -> list[PilotRequest]:
         """What it was sent before has ended, and what it is sent from now on meets a robot that is stopped."""
         self._rest()
-        self._stopped, self._due["heartbeat"] = True, -inf
+        self._stopped, self._due[BEAT] = True, -inf
         return [PilotRequest("stop")]
 
     # ---- places
@@ -363,19 +413,25 @@ class GroundStation:
         self._here = values.get("x", nan), values.get("y", nan), values.get("heading", nan)
         self._height = values.get("height", nan)
         if stopped != self._stopped:
-            self._due["heartbeat"] = -inf
+            self._due[BEAT] = -inf
         self._is_new, self._stopped, self._held, now = False, stopped, held, self._clock.now()
-        for kind, every in EVERY.items():
-            if now >= self._due[kind]:
-                self._due[kind] = now + every
-                for message in self._shown(kind, values, int((now - self._began) * 1000.0) & 0xFFFFFFFF):
-                    self._send(message)
+        due = {number for number, when in self._due.items() if now >= when}
+        self._due |= {number: now + self._every[number] for number in due}
+        for message in self._shown(due, values, int((now - self._began) * 1000.0) & 0xFFFFFFFF):
+            if message.get_msgId() in due:
+                self._send(message)
 
-    def _shown(self, kind: str, values: Mapping[str, float], now: int) -> list[Any]:
-        if kind == "heartbeat":
+    def _shown(self, due: Set[int], values: Mapping[str, float], now: int) -> list[Any]:
+        """What is due, and perhaps more of its kind."""
+        messages: list[Any] = []
+        if BEAT in due:
             mode = self._mode if self._disarmed or not self._stopped else HOLD
-            return self._portrait.heartbeat(mode, moves=not self._stopped)
-        return self._portrait.place(values, now) if kind == "place" else self._portrait.state(values, now)
+            messages += self._portrait.heartbeat(mode, moves=not self._stopped)
+        if due & PLACE:
+            messages += self._portrait.place(values, now)
+        if due & STATE:
+            messages += self._portrait.state(values, now)
+        return messages
 
     def say(self, text: str) -> None:
         """Show it a text."""

@@ -20,11 +20,24 @@ STANDBY, ACTIVE = 3, 4
 ATTITUDE_SENSORS, POSITION_SENSORS, READY = 0x7, 0x20, 0x1000_0000
 """Gyroscopes, accelerometers and compasses; GPS; and whether it could be armed: what stands in SYS_STATUS for knowing
 one's heading and one's place."""
-HOME_POSITION, AUTOPILOT_VERSION = 242, 148
-CAPABILITIES = 0x8 | 0x80 | 0x100 | 0x800 | 0x2000
-"""Places in whole ten-millionths of a degree, setpoints from the origin and on the Earth, termination, MAVLink 2."""
+BEAT, SYS_STATUS, BATTERY_STATUS, HOME_POSITION, AUTOPILOT_VERSION = 0, 1, 147, 242, 148
+GPS_RAW_INT, ATTITUDE, LOCAL_POSITION_NED, GLOBAL_POSITION_INT, VFR_HUD = 24, 30, 32, 33, 74
+PLACE = frozenset((GPS_RAW_INT, ATTITUDE, LOCAL_POSITION_NED, GLOBAL_POSITION_INT, VFR_HUD))
+"""What tells where it is, and how it moves."""
+STATE = frozenset((SYS_STATUS, BATTERY_STATUS, HOME_POSITION))
+EVERY = {BEAT: 1.0, **dict.fromkeys(PLACE, 0.2), **dict.fromkeys(STATE, 1.0)}
+"""Seconds between two messages of each kind, by number, unless the ground station asks for another time."""
+PARAMETER = "SYSID_THISMAV"
+"""The only one there is: its own number."""
+FLOAT = 9
+"""The type of a parameter's value."""
+CAPABILITIES = 0x4 | 0x8 | 0x80 | 0x100 | 0x800 | 0x2000
+"""Missions (there are none, and programs ask for them only then) and places in whole ten-millionths of a degree,
+setpoints from the origin and on the Earth, termination, MAVLink 2."""
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
-UNKNOWN_16 = 65_535
+UNKNOWN_16, UNKNOWN_TEMPERATURE = 65_535, 32_767
+NO_CELLS = (UNKNOWN_16,) * 9
+"""The voltage of a battery stands in the place of its first cell, as ArduPilot has it."""
 LARGEST = 1e9
 """Of a place in m, or of a speed: a larger one is none. A robot's variables may be of any size, and messages have room
 for 3.4e38."""
@@ -58,6 +71,7 @@ class SelfPortrait:
         messages = [
             self._mav.attitude_encode(now, 0.0, 0.0, signed, 0.0, 0.0, -turn),
             self._mav.local_position_ned_encode(now, y, x, -height, north, east, -climb),
+            self._mav.vfr_hud_encode(abs(speed), abs(speed), int(degrees(azimuth)) % 360, 0, height, climb),
         ]
         if (position := self._on_earth(x, y)) is not None:
             above = _whole(1000.0 * height, 31)
@@ -81,7 +95,11 @@ class SelfPortrait:
         if self._on_earth(values.get("x", nan), values.get("y", nan)) is not None:
             works |= POSITION_SENSORS
         battery = (millivolts, -1, percent)
-        return [self._mav.sys_status_encode(present, present, works, 0, *battery, 0, 0, 0, 0, 0, 0), *self.home()]
+        return [
+            self._mav.sys_status_encode(present, present, works, 0, *battery, 0, 0, 0, 0, 0, 0),
+            self._mav.battery_status_encode(0, 0, 0, UNKNOWN_TEMPERATURE, [millivolts, *NO_CELLS], -1, -1, -1, percent),
+            *self.home(),
+        ]
 
     def home(self) -> list[Any]:
         """Where its home is, if that is on the Earth."""
@@ -96,6 +114,10 @@ class SelfPortrait:
         return [
             self._mav.autopilot_version_encode(CAPABILITIES, 0, 0, 0, 0, none, none, none, 0, 0, self._mav.srcSystem)
         ]
+
+    def parameter(self) -> Any:
+        """Its only parameter, which nobody can change."""
+        return self._mav.param_value_encode(PARAMETER.encode(), self._mav.srcSystem, FLOAT, 1, 0)
 
     def one(self, number: float) -> list[Any]:
         """The message with this number, if it is one that is sent when it is asked for."""

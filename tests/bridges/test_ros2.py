@@ -5,6 +5,7 @@ With SLEEPCAST_RCLPY, the same with real ROS 2: see CONTRIBUTING.md.
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -26,7 +27,7 @@ from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
 from sleepcast.bridges.ros2.link import DdsLink, Ros2Network
 from sleepcast.bridges.ros2.mapping import CLOCK, TURTLEBOT, CommandTopic, TopicField, TopicReading, read_mapping
 from sleepcast.bridges.ros2.messages import MAX_RAYS, Bool, LaserScan, Odometry, Twist, sectors_of
-from sleepcast.bridges.ros2.robot import SILENT, Ros2Body, ros_place
+from sleepcast.bridges.ros2.robot import SILENT, Ros2Body, body_on, ros_place
 from sleepcast.core.clock import Clock, ManualClock, WallClock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.robot import Limits, Setpoint
@@ -75,6 +76,9 @@ class FakeRobot(Wheels):
 
     def remarks(self) -> list[str]:
         return []
+
+    def is_published(self, topic: str) -> bool:
+        return False
 
     def close(self) -> None:
         self.said.append(("closed", ()))
@@ -441,9 +445,23 @@ def test_the_place_is_that_of_the_environment_unless_another_is_said(
     place: tuple[int, str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.delenv("ROS_LOCALHOST_ONLY", raising=False)
     for name, value in zip(("ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE"), environment, strict=True):
         monkeypatch.setenv(name, value)
     assert ros_place(*said) == place
+
+
+@pytest.mark.parametrize(
+    ("only", "range_", "said", "where"),
+    [("1", "SUBNET", None, "localhost"), ("0", "SUBNET", None, "subnet"), ("1", "", "subnet", "subnet")],
+)
+def test_the_old_variable_for_this_computer_alone_still_comes_first(
+    only: str, range_: str, said: str | None, where: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in ROS 2 Jazzy, whose robots nobody would find otherwise."""
+    monkeypatch.setenv("ROS_LOCALHOST_ONLY", only)
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", range_)
+    assert ros_place("7", said) == (7, where)
 
 
 @pytest.mark.parametrize("number", ["", "-1", "+1", "1.0", "0x1", "٣", "1" * 5_000, "233"])
@@ -621,6 +639,69 @@ def test_what_cannot_be_read_is_told_once_and_the_rest_is_read(monkeypatch: pyte
         until(lambda: SCAN in link.heard())
         assert not link.remarks()
     assert not found
+
+
+LIFECYCLE = """
+import select, sys
+import rclpy
+from nav_msgs.msg import Odometry
+from rclpy.lifecycle import LifecycleNode
+rclpy.init()
+node = LifecycleNode("driver", namespace="/scout5")
+odom = node.create_lifecycle_publisher(Odometry, "odom", 10)
+node.create_timer(0.05, lambda: odom.publish(Odometry()))
+print("up", flush=True)
+while sys.stdin not in select.select([sys.stdin], [], [], 0.0)[0]:
+    rclpy.spin_once(node, timeout_sec=0.1)
+node.trigger_configure(), node.trigger_activate()
+rclpy.spin(node)
+"""
+
+
+@needs_ros
+def test_a_driver_that_is_not_active_is_named_as_what_may_be_behind_the_silence(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its topics are there, and it says nothing until somebody activates it."""
+    monkeypatch.setattr("sleepcast.bridges.ros2.robot.SILENT", 0.5)
+    network = Ros2Network(DOMAIN, local=True)
+    with (
+        start(RCLPY, "-c", LIFECYCLE, **robots_place(True, DOMAIN), stdin=subprocess.PIPE) as process,
+        closing(body_on(network, read_mapping(TURTLEBOT, "/scout5"), sim_time=False)) as body,
+    ):
+        body.begin()
+        try:
+            until(lambda: "somebody publishes there: a lifecycle node says nothing until it is active" in body.lost)
+            assert process.stdin is not None
+            process.stdin.write("go on\n")
+            process.stdin.flush()
+            until(lambda: not body.lost)
+        finally:
+            process.kill()
+
+
+PARAMETERS = """
+import json, sys
+import rclpy
+from rclpy.node import Node
+rclpy.init(args=["--ros-args", "--params-file", sys.argv[1]])
+for namespace in ("/", "/scout3", "/fleet/scout3"):
+    node = Node("twist_mux", namespace=namespace, automatically_declare_parameters_from_overrides=True)
+    found = node.get_parameters_by_prefix("locks.sleepcast")
+    print(json.dumps({name: each.value for name, each in found.items()}))
+"""
+
+
+@needs_ros
+def test_the_lock_of_the_page_is_that_of_a_robot_in_any_namespace(tmp_path: Path) -> None:
+    """With a plain `twist_mux:` the parameters of a robot in a namespace were none, without a word."""
+    page = (HERE.parents[1] / "docs" / "howto" / "ros2.md").read_text()
+    (tmp_path / "lock.yaml").write_text(page.partition("```yaml\n")[2].partition("```")[0])
+    command = (str(RCLPY), "-c", PARAMETERS, str(tmp_path / "lock.yaml"))
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    lock = {"topic": "stop", "timeout": 3.0, "priority": 255}
+    assert [json.loads(line) for line in done.stdout.splitlines()] == [lock] * 3
+    assert all(type(json.loads(line)["timeout"]) is float for line in done.stdout.splitlines())
 
 
 def test_nobody_there_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 from contextlib import suppress
 from math import inf, isclose, isnan, nan, pi
 from typing import Any
@@ -45,6 +47,9 @@ from sleepcast.bridges.ros2.messages import (
     turned_by,
 )
 
+RCLPY = os.environ.get("SLEEPCAST_RCLPY", "")
+"""A Python that has rclpy."""
+
 
 @pytest.mark.parametrize("sort", TYPES)
 def test_every_value_that_a_mapping_may_name_is_in_a_message(sort: str) -> None:
@@ -78,6 +83,35 @@ def test_any_bytes_are_a_message_with_its_values_or_are_refused(sort: str, noise
         return
     with suppress(ValueError):
         assert read(sort, message, 0.0)[0].keys() == TYPES[sort].keys()
+
+
+def test_a_battery_that_was_not_filled_in_is_unknown() -> None:
+    """As messages of ROS 2 begin: zeros, and not present."""
+    empty = {"voltage": 0.0, "temperature": 0.0, "current": 0.0, "charge": 0.0, "percentage": 0.0}
+    forgotten = read("BatteryState", BatteryState(**{**empty, "voltage": 12.5}, present=False), 0.0)[0]
+    assert (forgotten["voltage"], forgotten["present"]) == (12.5, 0.0)
+    assert all(isnan(forgotten[name]) for name in empty if name != "voltage")
+    flat = read("BatteryState", BatteryState(**empty, present=True), 0.0)[0]
+    assert all(flat[name] == 0.0 for name in empty), "it is there, and flat"
+
+
+DRIVER = """
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import BatteryState, Imu
+print(serialize_message(BatteryState(voltage=12.5)).hex(), serialize_message(Imu()).hex())
+"""
+
+
+@pytest.mark.skipif(not RCLPY, reason="needs ROS 2: SLEEPCAST_RCLPY names a Python that has rclpy, see CONTRIBUTING.md")
+def test_what_a_driver_of_real_ros_does_not_fill_in() -> None:
+    """Its battery is unknown; that it has no orientation cannot be seen."""
+    done = subprocess.run([RCLPY, "-c", DRIVER], capture_output=True, text=True, check=True)
+    battery, imu = map(bytes.fromhex, done.stdout.split())
+    values = read("BatteryState", BatteryState.deserialize(battery), 0.0)[0]
+    assert (values["voltage"], values["present"]) == (12.5, 0.0)
+    assert isnan(values["percentage"])
+    assert isnan(values["temperature"])
+    assert read("Imu", Imu.deserialize(imu), 0.0)[0]["heading"] == 0.0
 
 
 def test_what_is_not_given_is_not_measured() -> None:

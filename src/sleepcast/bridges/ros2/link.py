@@ -345,6 +345,10 @@ class DdsLink:
         sentences, self._remarks = self._remarks, []
         return sentences
 
+    def is_published(self, topic: str) -> bool:
+        type_, qos = self._wanted[topic, True]
+        return any(each.publishes and not misfit(each, type_, qos) for each in self._network.others().get(topic, ()))
+
     def _meet_layouts(self, others: Mapping[str, tuple[DiscoveredEndpoint, ...]]) -> None:
         """Listen also to those who tell that they have the layout of a newer release."""
         for topic, (source, readers) in self._sources.items():

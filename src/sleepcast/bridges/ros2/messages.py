@@ -324,8 +324,13 @@ def _range(message: Range | ShortRange) -> dict[str, float]:
 
 
 def _battery(message: BatteryState) -> dict[str, float]:
-    names = ("percentage", "voltage", "current", "temperature", "charge", "present")
-    return {name: float(getattr(message, name)) for name in names}
+    """Of a battery that is not said to be present, what is 0 was never filled in: a message of ROS 2 begins so, though
+    what is not measured should be NaN. What else a driver says counts: many forget to say that it is present."""
+    names = ("percentage", "voltage", "current", "temperature", "charge")
+    values = {name: float(getattr(message, name)) for name in names}
+    if not message.present:
+        values = {name: value or nan for name, value in values.items()}
+    return {**values, "present": float(message.present)}
 
 
 def _imu(message: Imu) -> dict[str, float]:

@@ -92,6 +92,9 @@ class RobotLink(Protocol):
     def remarks(self) -> list[str]:
         """Sentences about what does not fit, each once."""
 
+    def is_published(self, topic: str) -> bool:
+        """Whether somebody publishes there what can be read."""
+
     def close(self) -> None:
         """Close the connection, when what was sent has arrived."""
 
@@ -213,7 +216,7 @@ class Ros2Body(BridgedBody):
         while not self._lively & self._arrived.keys() or (self._sim_time and isnan(self._simulated)):
             if self._clock.now() > ends:
                 where = " and ".join([*sorted(self._lively), *([CLOCK] if self._sim_time else [])])
-                why = "; ".join([f"nothing came at {where} for {patience:g} s", *self.complaints()])
+                why = "; ".join([f"nothing came at {where} for {patience:g} s{self._silence()}", *self.complaints()])
                 raise OutOfReachError(why)
             time.sleep(GLANCE)
             self._listen()
@@ -282,9 +285,15 @@ class Ros2Body(BridgedBody):
         now = self._clock.now()
         if now - self._pulse > SILENT:
             where = " and ".join(sorted(self._lively))
-            raise OutOfReachError(f"nothing new has come at {where} for {SILENT:g} s")
+            raise OutOfReachError(f"nothing new has come at {where} for {SILENT:g} s{self._silence()}")
         if self._sim_time and now - self._ticked > SILENT:
             raise OutOfReachError(f"{CLOCK} has stood still for {SILENT:g} s: the simulation pauses, or is gone")
+
+    def _silence(self) -> str:
+        """What may be behind it that a robot has not said anything yet; "" where nobody could say it."""
+        if self._lively & self._arrived.keys() or not any(map(self._link.is_published, self._lively)):
+            return ""
+        return ", though somebody publishes there: a lifecycle node says nothing until it is active"
 
     def _check_stamp(self, topic: str, stamp: float) -> None:
         """Times far from the clock: either one is wrong, or messages are late."""
@@ -349,10 +358,13 @@ def _dimension(value: Value) -> Dimension:
 
 def ros_place(domain: str | None, discovery: str | None, otherwise: str = SUBNET) -> tuple[int, str]:
     """The number of a ROS domain, and in which of `RANGES` others are looked for. None: as ROS has it in
-    ROS_DOMAIN_ID, or 0, and in ROS_AUTOMATIC_DISCOVERY_RANGE, or `otherwise`. Raises BodyError."""
+    ROS_DOMAIN_ID, or 0, and in ROS_LOCALHOST_ONLY=1, which still comes first in ROS 2 Jazzy, or
+    ROS_AUTOMATIC_DISCOVERY_RANGE, or `otherwise`. Raises BodyError."""
     source, number = _setting("domain", domain, "ROS_DOMAIN_ID", "0")
     if not (number.isascii() and number.isdigit() and len(number) <= 3 and int(number) <= HIGHEST_DOMAIN):
         raise BodyError(f"{source} is a whole number from 0 to {HIGHEST_DOMAIN}, not {number!r:.40}")
+    if discovery is None and os.environ.get("ROS_LOCALHOST_ONLY") == "1":
+        discovery = LOCALHOST
     source, where = _setting("discovery", discovery, "ROS_AUTOMATIC_DISCOVERY_RANGE", otherwise)
     if where.lower() not in RANGES:
         raise BodyError(f"{source} is {' or '.join(RANGES)}, not {where!r:.40}")

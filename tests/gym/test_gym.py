@@ -464,7 +464,7 @@ class TestWorlds:
             worlds=4,
             autoreset=mode.value,
         )
-        assert env.metadata["autoreset_mode"] is mode
+        assert env.metadata["autoreset_mode"] is env.autoreset_mode is mode, "TorchRL asks the environment itself"
         env.reset(seed=4)
         reasons = set[tuple[bool, ...]]()
         waits = np.zeros(4, np.bool_)

@@ -29,6 +29,7 @@ class RobotVector(VectorEnv[Singles, NDArray[np.generic], NDArray[np.generic]]):
     fleets: the runs of all worlds.
     episode_key: seed and number of the episode that began last in the first world; None before that.
     episode_keys: the same of each world.
+    autoreset_mode: when the next episode begins, as in `metadata`; TorchRL asks for it by this name.
     """
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}  # noqa: RUF012  # as the base class has it
@@ -36,7 +37,7 @@ class RobotVector(VectorEnv[Singles, NDArray[np.generic], NDArray[np.generic]]):
     def __init__(self, task: CheckedTask, worlds: int = 1, autoreset: AutoresetMode = AutoresetMode.NEXT_STEP) -> None:
         self._task, self._together = task, Together(task, worlds)
         self.metadata = self.metadata | {"autoreset_mode": autoreset}
-        self._autoreset, self._robots = autoreset, len(task.names)
+        self.autoreset_mode, self._robots = autoreset, len(task.names)
         self.num_envs = worlds * self._robots
         self.single_observation_space, self.single_action_space = task.observed, task.acted
         self.observation_space = batch_space(task.observed, self.num_envs)
@@ -85,10 +86,10 @@ class RobotVector(VectorEnv[Singles, NDArray[np.generic], NDArray[np.generic]]):
         together, worlds = self._together, len(self._together.worlds)
         wanted = self._task.all_actions(actions, worlds).reshape(worlds, self._robots, *(self._task.acted.shape or ()))
         waiting = together.ended.copy()
-        if not waiting.any() and self._autoreset is not AutoresetMode.SAME_STEP:
+        if not waiting.any() and self.autoreset_mode is not AutoresetMode.SAME_STEP:
             step = together.step(self._everywhere, wanted)
             return self._flat(step.observed), step.reward.ravel(), self._each(step.ended), self._each(step.over), {}
-        if waiting.any() and self._autoreset is AutoresetMode.DISABLED:
+        if waiting.any() and self.autoreset_mode is AutoresetMode.DISABLED:
             raise MisuseError(f"{np.count_nonzero(waiting)} episodes are over: call reset, with a reset_mask for some")
         observed = np.empty((worlds, self._robots, *(self._task.observed.shape)), np.float32)
         reward = np.zeros((worlds, self._robots))
@@ -100,7 +101,7 @@ class RobotVector(VectorEnv[Singles, NDArray[np.generic], NDArray[np.generic]]):
             begun = np.flatnonzero(waiting).tolist()
             observed[begun] = together.begin(begun, None, None)
         done = ended | over
-        if done.any() and self._autoreset is AutoresetMode.SAME_STEP:
+        if done.any() and self.autoreset_mode is AutoresetMode.SAME_STEP:
             info = self._final(observed, done)
             begun = np.flatnonzero(done).tolist()
             observed[begun] = together.begin(begun, None, None)

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from math import isnan, nan
 from weakref import WeakKeyDictionary
@@ -183,11 +184,15 @@ class FleetTelemetry(BulkTelemetry):
         self._large = state.count >= MANY
         self._last = Rows.run(0, 0)
         """The robots that reported last."""
+        self._taken = False
+        """Whether what `take` records is there already."""
         self._asked: dict[int, Mask] = {}
         """The slots that a large fleet reports, each with the robots that have reported it."""
 
     def take(self, robots: Index) -> None:
         """Record telemetry of these robots now."""
+        if self._taken:
+            return
         rows = self._last = Rows.of(robots)
         if self._large or rows.size < self._state.count:
             self._then.copy_from(self._state, rows, list(self._asked) if self._large else self._state.slots())
@@ -203,15 +208,21 @@ class FleetTelemetry(BulkTelemetry):
         `take` can do that."""
         return None if self._large else self._then.moves(self._state)
 
-    def took(self, clock: Mapping[int, float]) -> None:
-        """All robots have told of themselves, at the latest when these slots had these values, and native code has
-        copied what has changed since."""
+    @contextmanager
+    def taken(self, clock: Mapping[int, float]) -> Iterator[None]:
+        """All robots have told of themselves, most recently when these slots had these values, and native code has made
+        the moves: meanwhile desks are told."""
         self._last = everybody = Rows.run(0, self._state.count)
         self._then.moved(self._state)
         for slot, value in clock.items():
             self._then.assign(slot, everybody, value)
         self._then.copy_groups(self._state, everybody)
         self._stopped[:] = self._state.stopped
+        self._taken = True
+        try:
+            yield
+        finally:
+            self._taken = False
 
     def stopped(self, robots: Index) -> Mask:
         """Which of these robots were stopped at their latest telemetry."""

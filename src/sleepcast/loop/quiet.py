@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from sleepcast.channel import Message
 from sleepcast.channel.simulated_radio import Radio
-from sleepcast.columns.values import Rows
+from sleepcast.columns.values import Index, Rows
 from sleepcast.core.ticks import tick_at
 from sleepcast.fleet import Fleet
 from sleepcast.fleet.quiet import QuietMinds
@@ -45,7 +45,7 @@ class QuietDesk(Protocol):
     @property
     def counts_latest(self) -> bool: ...
 
-    def observed(self, now: float, /) -> None: ...
+    def observe_many(self, now: float, robots: Index, /) -> None: ...
 
 
 class QuietSwarm(Protocol):
@@ -258,9 +258,9 @@ class QuietWorld:
         if self._moves is None or last <= tick - ticks:
             return
         now = last * self._tick
-        swarm.fleet.telemetry.took(self._minds.clock(last, now))
-        for desk in swarm.desks:
-            desk.observed(now)
+        with swarm.fleet.telemetry.taken(self._minds.clock(last, now)):
+            for desk in swarm.desks:
+                desk.observe_many(now, self._everybody.robots)
 
 
 class QuietTicks:

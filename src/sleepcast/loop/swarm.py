@@ -119,9 +119,6 @@ class Desk(Protocol):
     def observe_many(self, now: float, robots: Index) -> None:
         """Receive telemetry of these robots, sampled at `now` (s)."""
 
-    def observed(self, now: float) -> None:
-        """Telemetry of all robots was sampled, most recently at `now` (s); their minds keep it."""
-
     @property
     def counts_latest(self) -> bool:
         """Whether it is enough to be told of the latest of several samples."""

@@ -449,6 +449,17 @@ class SentCommands:
         """When that is so if nothing is heard until then, s; inf for never."""
         return self.latch.last_sent + REPEAT_AFTER if self.latch is not None and self.latch.n_silent else inf
 
+    def on_air(self, message: Message, now: float) -> None:
+        """A message goes out now that may have been composed before."""
+        latest = self.latch
+        if latest is not None and latest.id == message.id and latest.last_sent == message.issued:
+            latest.last_sent = now
+
+    def answer(self, command: str, robot: str) -> Answer | None:
+        """What a robot has answered to a command, if anything is known of either."""
+        sent = self.find(command)
+        return None if sent is None else sent.answers.get(robot)
+
     def ids(self) -> list[str]:
         """The stored commands and questions, oldest first."""
         return list(self._commands)

@@ -509,9 +509,7 @@ class Station:
     def on_air(self, message: Message) -> None:
         """A message goes out now that may have been composed before: only from now on robots can answer it."""
         with self._lock:
-            latest = self._sent.latch
-            if latest is not None and latest.id == message.id and latest.last_sent == message.issued:
-                latest.last_sent = self._clock.now()
+            self._sent.on_air(message, self._clock.now())
 
     # ---- what comes in
 
@@ -605,16 +603,9 @@ class Station:
             if self._sent.latch is not None:
                 self._update_latch(robots, self._fleet_telemetry.stopped(robots), now)
 
-    def observed(self, now: float) -> None:
-        """All robots have told of themselves, most recently at `now` (s), and their minds keep it."""
-        with self._lock:
-            self._tellings += 1
-            self._roster.observe(slice(None), now)
-
     @property
     def counts_latest(self) -> bool:
-        """Whether only the latest of what robots tell matters, as long as nobody looks: no STOP or RELEASE is accounted
-        for by it."""
+        """Whether only the latest telemetry counts, until somebody looks: it accounts for no STOP or RELEASE."""
         return self._sent.latch is None
 
     def _update_latch(self, robots: Index, stopped: Mask, now: float) -> None:
@@ -675,8 +666,7 @@ class Station:
     def is_held(self, robot: str, command: str) -> bool:
         """Whether this robot has answered a command by saying that STOP held it."""
         with self._lock:
-            sent = self._sent.find(command)
-            answer = None if sent is None else sent.answers.get(robot)
+            answer = self._sent.answer(command, robot)
         return answer is not None and answer.outcome is Outcome.HELD
 
     def outcomes(self, command: str, time: float) -> NDArray[np.uint8]:
@@ -696,9 +686,7 @@ class Station:
 
     def why(self, robot: str, command: str | None = None) -> Explanation:
         """How `robot` evaluated a command (None: its last one): the tree of values and the first test that failed.
-
-        Raises UnknownRobotError, NoSuchCommandError, and NoExplanationError if the robot cannot say.
-        """
+        Raises UnknownRobotError, NoSuchCommandError, and NoExplanationError if the robot cannot say."""
         with self._lock:
             self._roster.place(robot)
             if command is not None:

@@ -63,9 +63,11 @@ class NamedArea:
 
 
 class NativeCall(NamedTuple):
-    """How native code calls a function that only senses, robot by robot; addresses.
+    """How native code calls a function that only senses, for some robots at once; addresses.
 
-    call: of `double f(void *context, int64_t robot, double argument, ...)`, which gives NaN for unknown
+    call: of `void f(void *context, int64_t first, int64_t mask, int64_t lanes, double *arguments, double *results)` for
+        robots from `first` on whose bits are set, at most as many as `lanes`: so many are the numbers of each argument,
+        one after the other, and the results, NaN for unknown
     context: of what it is given first
     prepare: of `void f(void *)`, to be called with `senses` before the first call after bodies have moved; a second
         time it does nothing

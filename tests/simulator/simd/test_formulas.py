@@ -7,7 +7,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from sleepcast.simulator.simd.formulas import arc_tangent, either, exponential, sine_cosine, wrap
+from sleepcast.simulator.simd.formulas import arc_tangent, either, exponential, sine_cosine, square_within, wrap
 
 ANGLES = np.concatenate((np.linspace(-50.0, 50.0, 40_001), np.arange(-16, 17) * (pi / 4), [0.0, -0.0, 1e-300, 3000.0]))
 WAYS = np.random.default_rng(4).normal(size=(2, 40_000)) * np.random.default_rng(5).choice(
@@ -39,6 +39,15 @@ def test_wrapped_angles_lie_within_half_a_turn_and_mean_the_same() -> None:
     wrapped = wrap(ANGLES)
     assert np.abs(wrapped).max() <= pi + 1e-12
     assert np.abs(np.sin(wrapped) - np.sin(ANGLES)).max() < 1e-12
+
+
+def test_squares_are_within_a_radius_just_as_their_roots_are() -> None:
+    for radius in [0.0, 0.1, 1.0, np.nextafter(2.0, 3.0), *np.random.default_rng(5).uniform(0.0, 100.0, 300).tolist()]:
+        greatest = square_within(radius)
+        assert np.sqrt(greatest) <= radius
+        assert np.sqrt(np.nextafter(greatest, np.inf)) > radius
+    assert square_within(np.inf) == np.inf
+    assert np.isnan(square_within(np.nan))
 
 
 def test_compiled_formulas_give_the_same_bits() -> None:

@@ -172,6 +172,25 @@ def test_pairs_are_kept_and_seen_by_the_lanes_that_are_meant() -> None:
 
 
 @pytest.mark.parametrize("whole", [False, ALL_AT_ONCE])
+def test_memory_is_read_and_written_by_its_address(whole: bool) -> None:
+    pack = lanes.packing(whole, by_address=True)
+
+    def all_of(places, chosen, into, doubled):  # type: ignore[no-untyped-def]
+        numbers = lanes.wholes_at(chosen, 1)
+        some = lanes.reals_at(places, 2)
+        lanes.put_reals(doubled, 3, some + some)
+        pack(into, 2, numbers, some > 4.0)
+
+    places, chosen = np.arange(18.0) % 7.0, np.arange(17, dtype=np.int32)
+    into, doubled = np.zeros(40, np.int32), np.zeros(19)
+    compiled(all_of)(*(each.ctypes.data for each in (places, chosen, into, doubled)))  # type: ignore[no-untyped-call]
+    found = (chosen[1:])[places[2:] > 4.0]
+    assert into[2 : 2 + len(found)].tolist() == found.tolist()
+    assert into[:2].tolist() == [0, 0]
+    assert doubled.tolist() == [0.0, 0.0, 0.0, *(2.0 * places[2:])]
+
+
+@pytest.mark.parametrize("whole", [False, ALL_AT_ONCE])
 @pytest.mark.parametrize("sort", [np.float32, np.int32])
 def test_true_ones_are_packed_one_after_the_other(whole: bool, sort: type[np.generic]) -> None:
     pack = lanes.packing(whole)

@@ -115,20 +115,17 @@ class Assembly:
         return self.emit(f"shufflevector {vector} {first}, {vector} poison, <{self.lanes} x i32> zeroinitializer")
 
     def call_each(self, function: str, context: str, first: str, numbers: Sequence[str], mask: str) -> str:
-        """A C function, called for each lane of the mask with a context, the lane's index from `first` on, and its
-        numbers; 0 in the other lanes. function, context: pointers."""
-        results = self.cell(self.real, self.zero)
-        for lane in range(self.lanes):
-            with self.when(self._of_lane("i1", mask, lane)):
-                index = self.binary("add", "i64", first, str(lane))
-                given = "".join(f", double {self._of_lane('double', number, lane)}" for number in numbers)
-                result = self.emit(f"call double {function}(ptr {context}, i64 {index}{given})")
-                self.put(self.at(results, "double", str(lane)), "double", result)
+        """A C function, called for all lanes of the mask with a context, the index of the first lane and their numbers:
+        see `NativeCall`; 0 in the other lanes. function, context: pointers."""
+        results, given = self.cell(self.real, self.zero), self.cell(f"[{max(1, len(numbers))} x {self.real}]")
+        with self.when(self.any(mask)):
+            for place, number in enumerate(numbers):
+                self.put(self.at(given, self.real, str(place)), self.real, number)
+            bits = self.emit(f"bitcast {self.truth} {mask} to i{self.lanes}")
+            lanes = self.emit(f"zext i{self.lanes} {bits} to i64")
+            of_each = f"i64 {first}, i64 {lanes}, i64 {self.lanes}, ptr {given}, ptr {results}"
+            self.do(f"call void {function}(ptr {context}, {of_each})")
         return self.get(results, self.real)
-
-    def _of_lane(self, kind: str, value: str, lane: int) -> str:
-        """What a vector has in one lane."""
-        return value if self.lanes == 1 else self.emit(f"extractelement {self.vector(kind)} {value}, i32 {lane}")
 
     # ---- memory
 

@@ -263,7 +263,7 @@ class RangeAndBearing:
         if vicinity is None:
             return None
         asked = question(vicinity, formula, float(radius[0]))
-        call = code["ask_one" if len(arguments) == 1 else "ask_coloured"]
+        call = code["ask_lanes" if len(arguments) == 1 else "ask_coloured"]
         return NativeCall(call, asked.ctypes.data, code["prepare"], self._near.address, (self._near, asked))
 
     def own_frame(self, robots: Whole) -> Floats:

@@ -24,18 +24,35 @@ from sleepcast.simulator.neighbours.neighbourhood import (
     LEAST,
     MEAN,
     MOST,
+    NEAREST,
+    ONE,
     OUTLIER,
     TOTAL,
     VALUE,
 )
 from sleepcast.simulator.simd.compiled import part, strict
-from sleepcast.simulator.simd.formulas import arc_tangent, sine_cosine, wrap
-from sleepcast.simulator.simd.lanes import long_at, put_long, put_real, put_whole, real_at, stack_room, whole_at
+from sleepcast.simulator.simd.formulas import LANES, arc_tangent, sine_cosine, square_within, wrap
+from sleepcast.simulator.simd.lanes import (
+    long_at,
+    pack_at,
+    put_long,
+    put_real,
+    put_reals,
+    put_whole,
+    real_at,
+    reals_at,
+    stack_room,
+    whole_at,
+    wholes_at,
+)
+from sleepcast.simulator.simd.vectors import either, how_many, places
 from sleepcast.simulator.sonar.kernels import GOLDEN, U, cells_around, deviate, mixed
 
 I = np.int32  # noqa: E741  # as short as U
 AT_ONCE = 128
 """Neighbours that are found before something is asked about them."""
+ROOM = (AT_ONCE + LANES) // 2
+"""Words for them: two indices each, and room for LANES more."""
 (
     COUNT,
     PLACE_X,
@@ -114,28 +131,28 @@ def prepare_one(vicinity):
     points = place_points(vicinity, near)
     sort_points(vicinity, points)
     if long_at(near, TURNING):
-        for i in range(long_at(near, COUNT)):
-            sine, cosine = sine_cosine(real_at(long_at(near, TRUE_HEADING), i))
-            put_real(long_at(near, COSINE), i, cosine)
-            put_real(long_at(near, SINE), i, sine)
+        turn(long_at(near, TRUE_HEADING), long_at(near, COUNT), long_at(near, COSINE), long_at(near, SINE))
     put_long(vicinity, STALE, 0)
+
+
+@part
+def turn(heading, count, cosines, sines):
+    """Cosines and sines of so many headings."""
+    for i in range(count):
+        sine, cosine = sine_cosine(real_at(heading, i))
+        put_real(cosines, i, cosine)
+        put_real(sines, i, sine)
 
 
 @part
 def place_points(vicinity, near):
     """Write all bodies and their images into the vicinity, see `torus.Cells.images`; gives their number."""
-    x, y, whose, margin, count = (
-        long_at(vicinity, X),
-        long_at(vicinity, Y),
-        long_at(vicinity, WHOSE),
-        0.0,
-        long_at(near, COUNT),
-    )
-    if long_at(near, TORUS):
-        margin = real_at(vicinity, MARGIN)
+    x, y, whose, count = long_at(vicinity, X), long_at(vicinity, Y), long_at(vicinity, WHOSE), long_at(near, COUNT)
+    place_x, place_y = long_at(near, PLACE_X), long_at(near, PLACE_Y)
+    margin = real_at(vicinity, MARGIN) if long_at(near, TORUS) else 0.0
     for i in range(count):
-        put_real(x, i, real_at(long_at(near, PLACE_X), i) + margin)
-        put_real(y, i, real_at(long_at(near, PLACE_Y), i) + margin)
+        put_real(x, i, real_at(place_x, i) + margin)
+        put_real(y, i, real_at(place_y, i) + margin)
         put_whole(whose, i, I(i))
     if long_at(near, TORUS):
         count = copy_points(x, y, whose, count, margin, real_at(near, WIDTH))
@@ -145,20 +162,21 @@ def place_points(vicinity, near):
 
 @part
 def copy_points(along, across, whose, count, margin, size):
-    """Append the images of so many points across both ends of one axis; gives the number of all."""
+    """Append the images of so many points across both ends of one axis; gives the number of all. Each is written,
+    and then overwritten unless it counts: faster than a branch that is hard to predict."""
     total = count
     for i in range(count):
-        if real_at(along, i) < 2.0 * margin:
-            put_real(along, total, real_at(along, i) + size)
-            put_real(across, total, real_at(across, i))
-            put_whole(whose, total, whole_at(whose, i))
-            total += 1
+        place = real_at(along, i)
+        put_real(along, total, place + size)
+        put_real(across, total, real_at(across, i))
+        put_whole(whose, total, whole_at(whose, i))
+        total += place < 2.0 * margin
     for i in range(count):
-        if real_at(along, i) >= size:
-            put_real(along, total, real_at(along, i) - size)
-            put_real(across, total, real_at(across, i))
-            put_whole(whose, total, whole_at(whose, i))
-            total += 1
+        place = real_at(along, i)
+        put_real(along, total, place - size)
+        put_real(across, total, real_at(across, i))
+        put_whole(whose, total, whole_at(whose, i))
+        total += place >= size
     return total
 
 
@@ -167,13 +185,16 @@ def sort_points(vicinity, points):
     """A counting sort of so many points by cell."""
     x, y, cell, start = long_at(vicinity, X), long_at(vicinity, Y), long_at(vicinity, CELL), long_at(vicinity, START)
     columns, rows, size = long_at(vicinity, COLUMNS), long_at(vicinity, ROWS), real_at(vicinity, SIZE)
+    order, whose, its = long_at(vicinity, ORDER), long_at(vicinity, WHOSE), long_at(vicinity, SORTED_WHOSE)
+    sorted_x, sorted_y = long_at(vicinity, SORTED_X), long_at(vicinity, SORTED_Y)
     for i in range(columns * rows + 2):
         put_whole(start, i, I(0))
     for i in range(points):
         column = min(max(int(real_at(x, i) / size), 0), columns - 1)
         row = min(max(int(real_at(y, i) / size), 0), rows - 1)
-        here = row * columns + column
-        put_whole(cell, i, I(here))
+        put_whole(cell, i, I(row * columns + column))
+    for i in range(points):
+        here = whole_at(cell, i)
         put_whole(start, here + 2, I(whole_at(start, here + 2) + 1))
     total = 0
     for i in range(2, columns * rows + 2):  # until all are placed, each cell's beginning is one further
@@ -183,10 +204,10 @@ def sort_points(vicinity, points):
         here = whole_at(cell, i) + 1
         at = whole_at(start, here)
         put_whole(start, here, I(at + 1))
-        put_whole(long_at(vicinity, ORDER), at, I(i))
-        put_whole(long_at(vicinity, SORTED_WHOSE), at, whole_at(long_at(vicinity, WHOSE), i))
-        put_real(long_at(vicinity, SORTED_X), at, real_at(x, i))
-        put_real(long_at(vicinity, SORTED_Y), at, real_at(y, i))
+        put_whole(order, at, I(i))
+        put_whole(its, at, whole_at(whose, i))
+        put_real(sorted_x, at, real_at(x, i))
+        put_real(sorted_y, at, real_at(y, i))
 
 
 # ---- asking
@@ -196,35 +217,71 @@ def sort_points(vicinity, points):
 def ask_many(vicinity, quantity, fold, frame, row, robots, radius, colour, first, last, found):
     """Write what `formula` comes to for the robots from `first` to `last` (exclusive) into `found`. radius: m, one for
     each; colour: likewise, NaN for any."""
+    before, within = -1.0, 0.0
     for i in range(first, last):
-        found[i] = ask(vicinity, quantity, fold, frame, row, robots[i], radius[i], colour[i])
+        if radius[i] != before:
+            before = radius[i]
+            within = square_within(before)
+        found[i] = ask(vicinity, quantity, fold, frame, row, robots[i], within, colour[i])
 
 
 @strict
-def ask_one(question, robot, _):
-    """What a `neighbourhood.question` comes to for one robot. _: the radius as it was written; the question has it
-    within the reach of the sensor."""
-    return ask_coloured(question, robot, _, nan)
+def ask_lanes(question, first, mask, lanes, numbers, found):
+    """What a `neighbourhood.question` comes to for the robots from `first` on whose bits are set in `mask`, into the
+    numbers at `found`, of which there are as many as `lanes`. numbers: the radii as they were written; the question has
+    the square, within the reach of the sensor."""
+    answer(question, first, mask, lanes, 0, found)
 
 
 @strict
-def ask_coloured(question, robot, _, colour):
-    """The same of neighbours of one colour."""
-    vicinity, quantity, fold = long_at(question, 0), long_at(question, 1), long_at(question, 2)
-    frame, row = long_at(question, 3), long_at(question, 4)
-    return ask(vicinity, quantity, fold, frame, row, robot, real_at(question, 5), colour)
+def ask_coloured(question, first, mask, lanes, numbers, found):
+    """The same of neighbours of one colour for each, which follow the radii."""
+    answer(question, first, mask, lanes, numbers + 8 * lanes, found)
 
 
 @part
-def ask(vicinity, quantity, fold, frame, row, robot, radius, colour):
-    """What a formula comes to for one robot, NaN for unknown."""
+def answer(question, first, mask, lanes, colours, found):
+    """See `ask_lanes`. colours: where they lie, 0 for any."""
+    vicinity, quantity, fold = long_at(question, 0), long_at(question, 1), long_at(question, 2)
+    frame, row, within = long_at(question, 3), long_at(question, 4), real_at(question, 5)
+    if fold == DIRECTION:
+        directions(vicinity, quantity, row, first, mask, lanes, within, colours, found)
+        return
+    for lane in range(lanes):
+        if mask >> lane & 1:
+            colour = real_at(colours, lane) if colours else nan
+            put_real(found, lane, ask(vicinity, quantity, fold, frame, row, first + lane, within, colour))
+
+
+@part
+def directions(vicinity, quantity, row, first, mask, lanes, within, colours, found):
+    """The same as `ask` for directions, which are computed side by side."""
+    sums, others, counts = stack_room(LANES), stack_room(LANES), stack_room(LANES)
+    for lane in range(LANES):
+        total, other, count = 0.0, 0.0, 0.0
+        if lane < lanes and mask >> lane & 1:
+            colour = real_at(colours, lane) if colours else nan
+            total, other, count, _ = gather(vicinity, quantity, DIRECTION, row, first + lane, within, colour, 0.0, 0.0)
+        put_real(sums, lane, total)
+        put_real(others, lane, other)
+        put_real(counts, lane, count)
+    x, y, count = reals_at(sums, 0), reals_at(others, 0), reals_at(counts, 0)
+    known = np.sqrt(x * x + y * y) > CANCELLED * count
+    put_reals(sums, 0, either(known, arc_tangent(y, x), nan))
+    for lane in range(lanes):
+        put_real(found, lane, real_at(sums, lane))
+
+
+@part
+def ask(vicinity, quantity, fold, frame, row, robot, within, colour):
+    """What a formula comes to for one robot, NaN for unknown. within: see `square_within`."""
     if fold == OUTLIER:
-        across, _, count, _ = gather(vicinity, DX, TOTAL, 0, robot, radius, colour, 0.0, 0.0)
-        up, _, _, _ = gather(vicinity, DY, TOTAL, 0, robot, radius, colour, 0.0, 0.0)
+        across, _, count, _ = gather(vicinity, DX, TOTAL, 0, robot, within, colour, 0.0, 0.0)
+        up, _, _, _ = gather(vicinity, DY, TOTAL, 0, robot, within, colour, 0.0, 0.0)
         least = max(count, 1.0)
-        found, _, count, _ = gather(vicinity, quantity, OUTLIER, 0, robot, radius, colour, across / least, up / least)
+        found, _, count, _ = gather(vicinity, quantity, OUTLIER, 0, robot, within, colour, across / least, up / least)
     else:
-        found, other, count, best = gather(vicinity, quantity, fold, row, robot, radius, colour, 0.0, 0.0)
+        found, other, count, best = gather(vicinity, quantity, fold, row, robot, within, colour, 0.0, 0.0)
         if fold == MEAN:
             found = found / max(count, 1.0)
         elif fold == DIRECTION:
@@ -244,7 +301,7 @@ def ask(vicinity, quantity, fold, frame, row, robot, radius, colour):
 
 
 @part
-def gather(vicinity, quantity, fold, row, robot, radius, colour, middle_x, middle_y):
+def gather(vicinity, quantity, fold, row, robot, within, colour, middle_x, middle_y):
     """Fold a quantity of all neighbours of one robot. Gives the sum, or the value of the neighbour that is nearest, or
     farthest from the middle; the sum of the sines, where the other one is of cosines; how many they are; and the
     greatest value, or of LEAST the greatest negative one."""
@@ -258,28 +315,42 @@ def gather(vicinity, quantity, fold, row, robot, radius, colour, middle_x, middl
     if turned:
         sensed = real_at(long_at(near, SENSED_HEADING), robot)
         sine, cosine = sine_cosine(wrap(sensed - real_at(long_at(near, TRUE_HEADING), robot)))
+    cosines, sines = long_at(near, COSINE), long_at(near, SINE)
+    least = within if within < reach * reach else reach * reach
+    plain = not coloured and loss == 0.0
+    measured = noise > 0.0 or quantity == AWAY or fold == NEAREST
     found, other_found, count, best = 0.0, 0.0, 0.0, -inf
     line, high, left, right = cells_around(own_x, own_y, size, columns, long_at(vicinity, ROWS), reach)
-    room, k = stack_room(AT_ONCE), np.int64(whole_at(start, line * columns + left))
+    room, k = stack_room(ROOM), np.int64(whole_at(start, line * columns + left))
     while line < high:
         taken = 0
         while line < high and taken < AT_ONCE:
             stop = whole_at(start, line * columns + right)
             end = min(stop, k + AT_ONCE - taken)
-            for each in range(k, end):
-                dx, dy = real_at(sorted_x, each) - own_x, real_at(sorted_y, each) - own_y
-                # Written whether it counts or not, and then overwritten: faster than a branch that is hard to predict.
-                put_long(room, taken, each)
-                taken += (dx * dx + dy * dy <= reach * reach) & (whole_at(order, each) != robot)
+            for each in range(k, end, LANES):
+                dx, dy = reals_at(sorted_x, each) - own_x, reals_at(sorted_y, each) - own_y
+                close = (dx * dx + dy * dy <= least) & (wholes_at(order, each) != I(robot))
+                close = close & (places() < I(end - each))
+                pack_at(room, taken, places() + I(each), close)
+                taken += np.int64(how_many(close))
             k = end
             if k == stop:
                 line += 1
                 k = np.int64(whole_at(start, min(line, high - 1) * columns + left))
+        if plain and quantity == ONE and fold == TOTAL:
+            found, count = found + float(taken), count + float(taken)
+            continue
+        if plain and quantity == HEADING and fold == DIRECTION and not turned:
+            for index in range(taken):
+                other = np.int64(whole_at(whose, np.int64(whole_at(room, index))))
+                found, other_found = found + real_at(cosines, other), other_found + real_at(sines, other)
+            count += float(taken)
+            continue
         for index in range(taken):
-            at = long_at(room, index)
+            at = np.int64(whole_at(room, index))
             dx, dy = real_at(sorted_x, at) - own_x, real_at(sorted_y, at) - own_y
-            away, other = sqrt(dx * dx + dy * dy), np.int64(whole_at(whose, at))
-            if away > radius or (coloured and real_at(shared, other) != colour):
+            away, other = sqrt(dx * dx + dy * dy) if measured else 0.0, np.int64(whole_at(whose, at))
+            if coloured and real_at(shared, other) != colour:
                 continue
             if loss > 0.0 or noise > 0.0:
                 multiple = ((U(other) << U(32)) + U(robot)) * GOLDEN
@@ -302,7 +373,7 @@ def gather(vicinity, quantity, fold, row, robot, radius, colour, middle_x, middl
             elif quantity == AWAY:
                 value = away
             elif quantity == HEADING:
-                value, across = real_at(long_at(near, COSINE), other), real_at(long_at(near, SINE), other)
+                value, across = real_at(cosines, other), real_at(sines, other)
                 if turned:
                     value, across = value * cosine - across * sine, value * sine + across * cosine
             elif quantity in (VALUE, ANGLE):

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from sleepcast.core.counter_rng import key
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.signals import NeighbourModel
+from sleepcast.simulator.simd.formulas import LANES, square_within
 from sleepcast.simulator.world.grid import Floats
 from sleepcast.simulator.world.torus import PLAIN, Cells, cells_over
 
@@ -144,8 +145,8 @@ class Vicinity:
         grid, torus = cells.grid, cells.around != PLAIN
         doubling = 2.0 * reach <= min(cells.around)  # then each axis has an image of a body at most
         points = count * (1 if not torus else 4 if doubling else 9)
-        self._places = np.empty((4, points))
-        self._indices = np.empty((4, points), np.int32)
+        self._places = np.empty((4, points + LANES))  # kernels read LANES at once
+        self._indices = np.empty((4, points + LANES), np.int32)
         self._start = np.empty(grid.cells + 2, np.int32)
         self.table = np.zeros(len(Of), np.int64)
         table, reals = self.table, self.table.view(np.float64)
@@ -245,6 +246,6 @@ def cells_of(scenario: Scenario, count: int, reach: float) -> Cells:
 
 
 def question(vicinity: Vicinity, formula: Formula, radius: float) -> NDArray[np.int64]:
-    """The table of one question, for native code: the address of a vicinity, a formula, and the radius (m, with a
-    point)."""
-    return np.array([vicinity.address, *formula, np.float64(radius).view(np.int64)], np.int64)
+    """The table of one question, for native code: the address of a vicinity, a formula, and the `square_within` of the
+    radius (m)."""
+    return np.array([vicinity.address, *formula, np.float64(square_within(radius)).view(np.int64)], np.int64)

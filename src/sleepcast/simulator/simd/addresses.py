@@ -24,8 +24,8 @@ MODULE = f"{ROOM_NAME}.neighbours.kernels_neighbours"
 SIGNATURES: Mapping[str, tuple[str, str]] = {
     "begin": ("void", "i64"),
     "prepare": ("void", "i64"),
-    "ask_one": ("double", "i64 i64 double"),
-    "ask_coloured": ("double", "i64 i64 double double"),
+    "ask_lanes": ("void", "i64 i64 i64 i64 i64 i64"),
+    "ask_coloured": ("void", "i64 i64 i64 i64 i64 i64"),
 }
 """The kernels of that module that native code calls: what each gives and takes."""
 FROM_LIBRARY = frozenset({"memset", "memcpy", "memmove"})

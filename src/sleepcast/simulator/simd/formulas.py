@@ -88,6 +88,16 @@ def exponential(power: Floats) -> Floats:
     return either(power < -700.0, 0.0, np.ldexp(series, twos.astype(np.int32)))
 
 
+def square_within(radius: float) -> float:
+    """The greatest square whose root, as it is rounded, is at most `radius`: whoever compares squares with it finds
+    what is found by comparing distances with `radius`."""
+    square = radius * radius * (1.0 + 2.0**-50)
+    for _ in range(16):  # each time to the next lower number
+        if np.sqrt(square) > radius:
+            square = square * (1.0 - 2.0**-53)
+    return square
+
+
 def shortest(way: Floats, around: float) -> Floats:
     """The shortest way between two points that are `way` apart along one axis, m.
     around: the size of a torus, infinite for a plain world."""

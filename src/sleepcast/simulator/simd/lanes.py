@@ -169,15 +169,20 @@ def at_once() -> bool:
     return known and bool(binding.get_host_cpu_features().get("avx512f"))
 
 
-def packing(whole: bool) -> Any:
-    """The function `pack`, with one instruction or one by one."""
+def packing(whole: bool, *, by_address: bool = False) -> Any:
+    """The function `pack`, with one instruction or one by one; or `pack_at`."""
 
     def pack(typing, array, n, values, truths):
         kind = values.kind
 
+        def beginning(context, build, into):
+            if by_address:
+                return build.inttoptr(into, context.get_data_type(kind).as_pointer())
+            return context.make_array(array)(context, build, into).data
+
         def one_by_one(context, build, signature, given):
             into, n, values, truths = given
-            data = context.make_array(array)(context, build, into).data
+            data = beginning(context, build, into)
             for lane in map(ir.IntType(32), range(LANES)):
                 build.store(build.extract_element(values, lane), build.gep(data, [n]))
                 n = build.add(n, build.zext(build.extract_element(truths, lane), n.type))
@@ -187,10 +192,12 @@ def packing(whole: bool) -> Any:
             into, n, values, truths = given
             name = f"{COMPRESS}.v{LANES}{'f' if kind in REALS else 'i'}{kind.bitwidth}"
             packed = called(build, name, values.type, [values, truths, ir.Constant(values.type, ir.Undefined)])
-            build.store(packed, _place(context, build, array, into, n, values.type), align=kind.bitwidth // 8)
+            place = build.bitcast(build.gep(beginning(context, build, into), [n]), values.type.as_pointer())
+            build.store(packed, place, align=kind.bitwidth // 8)
             return context.get_dummy_value()
 
-        return types.void(array, LONG, values, truths), all_at_once if whole else one_by_one
+        place = types.int64 if by_address else array
+        return types.void(place, LONG, values, truths), all_at_once if whole else one_by_one
 
     return intrinsic(pack)
 
@@ -198,6 +205,8 @@ def packing(whole: bool) -> Any:
 pack = packing(at_once())
 """Write those of `values` whose `truths` are set, contiguously, into a 1-d array from `n` on. There must be room for
 LANES more."""
+pack_at = packing(at_once(), by_address=True)
+"""The same into the array at an address."""
 
 
 @intrinsic
@@ -275,6 +284,32 @@ def _storer(kind: Any) -> Any:
     return store
 
 
+def _lane_loader(kind: Any) -> Any:
+    """Loads the LANES numbers of this kind from an index of the array at an address on."""
+
+    @intrinsic
+    def load(typing, address, index):
+        def generate(context, build, signature, given):
+            pointer = build.gep(build.inttoptr(given[0], context.get_data_type(kind).as_pointer()), [given[1]])
+            return build.load(build.bitcast(pointer, vector_of(kind).as_pointer()), align=kind.bitwidth // 8)
+
+        return Lanes(kind)(types.int64, types.int64), generate
+
+    return load
+
+
+@intrinsic
+def put_reals(typing, address, index, values):
+    """Write LANES reals from an index of the array at an address on."""
+
+    def generate(context, build, signature, given):
+        pointer = build.gep(build.inttoptr(given[0], given[2].type.element.as_pointer()), [given[1]])
+        build.store(given[2], build.bitcast(pointer, given[2].type.as_pointer()), align=values.kind.bitwidth // 8)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, values), generate
+
+
 @intrinsic
 def stack_room(typing, count):
     """The address of room for so many (a constant) 64-bit numbers, until the kernel ends."""
@@ -289,3 +324,4 @@ def stack_room(typing, count):
 
 real_at, long_at, whole_at = (_loader(kind) for kind in (types.float64, types.int64, types.int32))
 put_real, put_long, put_whole = (_storer(kind) for kind in (types.float64, types.int64, types.int32))
+reals_at, wholes_at = (_lane_loader(kind) for kind in (types.float64, types.int32))

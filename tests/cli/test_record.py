@@ -6,16 +6,19 @@ import json
 import os
 import resource
 import signal
+import struct
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
-from mcap.reader import make_reader
+from mcap.exceptions import EndOfFile, McapError
+from mcap.reader import NonSeekingReader, make_reader
 from mcap.writer import Writer
 
 from cli.calling import Called, called, called_warm
@@ -305,6 +308,22 @@ def test_half_a_file_is_read_as_far_as_it_goes_or_refused(recorded: Path, tmp_pa
     assert "Traceback" not in done.err
     half.write_bytes(whole[:-size] if size else whole)
     assert called_warm("replay", str(half), "--headless").status == 0
+
+
+def test_what_the_library_of_mcap_reads_of_half_a_file(recorded: Path, tmp_path: Path) -> None:
+    """As the page on recordings says: nothing, unless it reads from the start and not in the order of time."""
+    half = tmp_path / "half.mcap"
+    half.write_bytes((recorded / "run.mcap").read_bytes()[:-50])
+    with half.open("rb") as stream, pytest.raises(McapError):
+        next(make_reader(stream).iter_messages())
+    torn = (EndOfFile, struct.error)
+    with half.open("rb") as stream, pytest.raises(torn):
+        next(NonSeekingReader(stream).iter_messages())
+    topics = set[str]()
+    with half.open("rb") as stream, suppress(*torn):
+        for _, channel, _ in NonSeekingReader(stream).iter_messages(log_time_order=False):
+            topics.add(channel.topic)
+    assert topics >= {"/poses", "/readings", "/log"}
 
 
 def test_a_recording_that_does_not_repeat_is_told(recorded: Path, tmp_path: Path) -> None:

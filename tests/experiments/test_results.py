@@ -7,6 +7,7 @@ import sqlite3
 import tracemalloc
 from pathlib import Path
 
+import polars
 import pytest
 
 from sleepcast.experiments.plan import experiment_of
@@ -15,6 +16,7 @@ from sleepcast.experiments.results import (
     Results,
     ResultsError,
     RunResult,
+    export,
     outcomes_in,
     summary_of,
     table_of,
@@ -137,3 +139,23 @@ def test_numbers_beyond_those_of_a_machine_are_a_column(tmp_path: Path) -> None:
     with Results(tmp_path / "found", plan) as results:
         results.keep([RunResult(run, ((0.0, 1.0),), hash="a") for run in plan.runs()])
     assert list(table_of(tmp_path / "found")["constants.FAR"]) == [2.0**63, 1.0]
+
+
+def test_what_polars_makes_of_a_table_and_what_it_has_to_be_told(folder: Path, tmp_path: Path) -> None:
+    """As the page on experiments says of measures that are unknown at first, of errors, and of names with a dot."""
+    samples = [[time, None if time < 120 else 0.5] for time in range(150)]
+    changed(folder, insert(RUN, json.dumps(samples)))
+    export(folder, tmp_path / "t.csv")
+    export(folder, tmp_path / "t.parquet")
+    assert polars.read_csv(tmp_path / "t.csv").schema["mean_x"] == polars.String
+    read = polars.read_csv(tmp_path / "t.csv", infer_schema_length=None)
+    kept = polars.read_parquet(tmp_path / "t.parquet")
+    for frame in (read, kept):
+        assert frame["mean_x"].mean() == 0.5
+        assert frame["mean_x"].null_count() == 120
+        assert frame.filter(polars.col("error") != "").is_empty()
+        assert frame.sql('SELECT "radio.loss" FROM self').height == 150
+        with pytest.raises(polars.exceptions.SQLInterfaceError):
+            frame.sql("SELECT radio.loss FROM self")
+    assert read["error"].null_count() == 150
+    assert (kept["error"] == "").all()

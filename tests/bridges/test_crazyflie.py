@@ -459,6 +459,16 @@ def losing_a_third(port: int, seed: int) -> Iterator[int]:
             carrying.join(PATIENCE)
 
 
+def test_values_come_as_often_as_is_said() -> None:
+    """cflib rounds a period down to tens of milliseconds, without a word."""
+    from cflib.crazyflie.log import LogConfig
+
+    from sleepcast.bridges.crazyflie.link import PERIOD
+
+    assert 10 * LogConfig("ours", PERIOD).period == PERIOD
+    assert 10 * LogConfig("another", 55).period == 50
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_over_a_link_that_loses_datagrams_it_is_met(port: int, seed: int) -> None:
     """Of cflib, only radios ask again."""

@@ -507,6 +507,18 @@ def test_a_place_in_another_frame_or_without_an_origin_is_refused_with_a_text(
     assert other.seen["STATUSTEXT"].text == "it has no origin, so no place on the Earth"
 
 
+def test_of_messages_with_one_timestamp_the_first_is_taken(ground: GroundStation, desk: Desk) -> None:
+    """Programs of node-mavlink sign by whole milliseconds: what comes later in one looks like a repeat."""
+    stamp = int((time.time() - 1_420_070_400) * 1e3) * 100
+    for mode in (4.0, 15.0):
+        order = desk.mav.command_long_encode(ROBOT, 1, 176, 0, 1.0, mode, *(0.0,) * 5)
+        desk.mav.signing.timestamp = stamp
+        desk.waiting.append(bytes(order.pack(desk.mav)))
+    assert [each.type for each in ground.requests()] == ["stop"]
+    (said,) = ground.complaints()
+    assert "1 messages from the ground station were refused: their timestamps are old: they are repeated" in said
+
+
 def test_one_whose_clock_is_ahead_is_named_and_makes_nobody_else_look_old(ground: GroundStation, desk: Desk) -> None:
     ahead = Desk()
     ahead.mav.srcSystem = 254

@@ -579,6 +579,29 @@ def test_twenty_robots_arrive_although_a_fifth_is_lost() -> None:
     assert found.get("arrived") == MANY, (out, err)
 
 
+WHO = """
+import sys, time
+import rclpy
+from rclpy.node import Node
+rclpy.init()
+node = Node("onlooker")
+while not node.get_publishers_info_by_topic("/scout1/odom"):
+    time.sleep(0.1)
+(end,) = node.get_publishers_info_by_topic("/scout1/odom")
+print(end.topic_type, end.node_name, node.get_node_names())
+"""
+
+
+@needs_ros
+def test_to_ros_a_robot_has_topics_and_no_node() -> None:
+    with serving(), start(RCLPY, "-c", WHO, **place(True)) as process:
+        try:
+            out, err = process.communicate(timeout=PATIENCE)
+        finally:
+            process.kill()
+    assert out == "nav_msgs/msg/Odometry _CREATED_BY_BARE_DDS_APP_ ['onlooker']\n", err
+
+
 def test_a_planner_that_is_killed_leaves_its_robot_at_rest_and_a_mind_of_sleepcast_takes_it_over() -> None:
     with serving("--speed", "2") as (server, _), start(*planner(False, 1, away=50.0), **place(False)) as process:
         uri = f"ros2:///scout1?domain={DOMAIN}&discovery=localhost&use_sim_time=yes"

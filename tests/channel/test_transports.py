@@ -269,6 +269,30 @@ def test_a_router_that_was_away_is_found_again() -> None:
         router.close()
 
 
+def test_a_router_of_zenoh_passes_nothing_between_peers_and_so_each_party_is_a_client() -> None:
+    zenoh = pytest.importorskip("zenoh", reason="eclipse-zenoh is not installed here")
+    place = f"127.0.0.1:{free_port(socket.SOCK_STREAM)}"
+    config = zenoh.Config()
+    config.insert_json5("mode", '"peer"')
+    config.insert_json5("connect/endpoints", f'["tcp/{place}"]')
+    config.insert_json5("listen/endpoints", "[]")
+    config.insert_json5("scouting/multicast/enabled", "false")
+    with ExitStack() as stack:
+        _, one = (stack.enter_context(closing(open_transport(f"zenoh://{place}{end}"))) for end in ("?listen", ""))
+        speaker, hearer = (stack.enter_context(zenoh.open(config)) for _ in range(2))
+        heard, taken = list[bytes](), set[bytes]()
+        listening = zenoh.handlers.Callback(lambda sample: heard.append(sample.payload.to_bytes()), indirect=False)
+        hearer.declare_subscriber("sleepcast", listening)
+        ends = time.monotonic() + PATIENCE
+        while b"a client" not in heard or b"a peer" not in taken:
+            assert time.monotonic() < ends
+            one.send(b"a client")
+            speaker.put("sleepcast", b"a peer")
+            time.sleep(0.01)
+            taken |= {*one.receive()}
+        assert b"a peer" not in heard
+
+
 def test_keys_of_zenoh_part_what_is_heard() -> None:
     pytest.importorskip("zenoh", reason="eclipse-zenoh is not installed here")
     place = f"127.0.0.1:{free_port(socket.SOCK_STREAM)}"

@@ -19,7 +19,7 @@ SOON, AGAIN = 6.0, 0.2
 PATIENCE = 10.0
 """Seconds for it to tell what it can log."""
 PERIOD = 50
-"""ms between two values of each variable."""
+"""ms between two values of each variable: tens, for cflib rounds others down without a word."""
 ROOM = 26
 """Bytes of one log message."""
 SIZE = 4

@@ -22,6 +22,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from math import isnan, nan
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -85,7 +86,7 @@ class ReadSet:
     def _by_rules(self, mind: Mind) -> frozenset[int] | None:
         if mind not in self._of_mind:
             programs = [rule.program for rule in mind.running]
-            taught = {key for program in programs for part in walk(program.root) for key in _taught(part)}
+            taught = {key for program in programs for key in _own_reads(program).taught}
             # A rule that another one stores anew runs in the same tick, whatever it will then read.
             anew = not taught.isdisjoint({_ANYTHING, *mind.rules})
             self._of_mind[mind] = None if anew else _together(programs, mind)
@@ -136,13 +137,8 @@ def reads_of(program: Program, minds: Iterable[Mind]) -> tuple[set[int] | None, 
             continue
         seen.add(inside)
         named |= inside.uses
-        for part in walk(inside.root):
-            if part.op in _READING:
-                slots |= {part.slot} - {_NOWHERE}
-            elif part.op == "in":
-                groups.add(part.name)
-            else:
-                taught |= _taught(part)
+        own = _own_reads(inside)
+        slots, groups, taught = slots | own.slots, groups | own.groups, taught | own.taught
         for mind in minds:
             waiting += [mind.rules[key].program for key in inside.uses if key in mind.rules]
             waiting += [mind.operators[key] for key in inside.uses if key in mind.operators]
@@ -150,6 +146,30 @@ def reads_of(program: Program, minds: Iterable[Mind]) -> tuple[set[int] | None, 
         # It may enter a program that is new, so it may read anything.
         return None, groups
     return slots, groups
+
+
+class _OwnReads(NamedTuple):
+    """What the parts of a program read themselves: slots and groups; and the keys that they store."""
+
+    slots: frozenset[int]
+    groups: frozenset[str]
+    taught: frozenset[str]
+
+
+_KNOWN: WeakKeyDictionary[Program, _OwnReads] = WeakKeyDictionary()
+"""Those of programs, of which runs have many in common."""
+
+
+def _own_reads(program: Program) -> _OwnReads:
+    found = _KNOWN.get(program)
+    if found is None:
+        parts = walk(program.root)
+        slots = {part.slot for part in parts if part.op in _READING} - {_NOWHERE}
+        groups = {part.name for part in parts if part.op == "in"}
+        rest = (part for part in parts if part.op not in _READING and part.op != "in")
+        taught = {key for part in rest for key in _taught(part)}
+        found = _KNOWN[program] = _OwnReads(frozenset(slots), frozenset(groups), frozenset(taught))
+    return found
 
 
 def _taught(part: Part) -> set[str]:

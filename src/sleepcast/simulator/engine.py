@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from functools import cache
 from importlib.util import find_spec
 from typing import Protocol
 
@@ -153,6 +154,7 @@ NUMBA_SETTINGS = ".numba_config.yaml"
 """What numba looks for in the folder in which a process was started, which may be anybody's."""
 
 
+@cache
 def has_numba() -> bool:
     """Whether kernels can be compiled. Does not load numba, which takes longer than a small run, nor llvmlite, without
     which numba cannot be loaded."""

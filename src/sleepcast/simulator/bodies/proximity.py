@@ -155,6 +155,8 @@ class Neighbours:
 
 MAX_ATTEMPTS = 1_000
 """Attempts to move bodies that overlap at the start: a world that is not full needs a few dozen."""
+ALL_PAIRS = 16_384
+"""Pairs up to which all are compared at once: for few bodies cells take longer."""
 CELL = 3.0
 """Side of a cell in radii of a body, unless something else needs larger ones: about one body fits in."""
 
@@ -234,7 +236,12 @@ class Bumpers:
         self._near.forget()
         images = self._near.images(x, y)
         x, y = images.x, images.y
-        i, j = pairs(fine, sort(fine, x, y), x, y, 2.0 * radii.max() + SKIN, every)
+        reach = 2.0 * radii.max() + SKIN
+        if len(every) * len(x) <= ALL_PAIRS:
+            i, j = np.nonzero((x[every, None] - x) ** 2 + (y[every, None] - y) ** 2 <= reach * reach)
+            i, j = i[i != j], j[i != j]
+        else:
+            i, j = pairs(fine, sort(fine, x, y), x, y, reach, every)
         if radii.min() < radii.max():
             close = np.hypot(x[i] - x[j], y[i] - y[j]) <= radii[i] + radii[images.of][j] + SKIN
             i, j = i[close], j[close]

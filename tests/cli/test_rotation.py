@@ -8,6 +8,7 @@ from math import inf
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
 
 from cli.calling import LONGEST, called_warm
 from console.running import Program, open_page
@@ -54,6 +55,18 @@ def test_a_part_follows_upon_the_other(parts: list[Path]) -> None:
     assert [each.following for each in found] == ["run-0002.mcap", "run-0003.mcap", "run-0004.mcap", ""]
     assert [each.seconds for each in found] == pytest.approx([6.0, 12.0, 18.0, 20.0], abs=1.0)
     assert all(each.complete for each in found)
+
+
+def test_each_part_numbers_its_schemas_alike(parts: list[Path]) -> None:
+    """Decoders of mcap-protobuf-support keep schemas by number, and take those of one file for those of the next."""
+    numbered = []
+    for part in parts:
+        with part.open("rb") as stream:
+            summary = make_reader(stream).get_summary()
+        assert summary is not None
+        numbered.append({number: schema.name for number, schema in summary.schemas.items()})
+    assert len(numbered) == 4
+    assert numbered.count(numbered[0]) == 4
 
 
 def test_each_part_holds_what_went_before(parts: list[Path], world: Path) -> None:

@@ -43,6 +43,7 @@ def main() -> None:
         "arm": action.arm,
         "hold": action.hold,
         "kill": action.kill,
+        "force": action.arm_force,
         "terminate": action.terminate,
         "goto": lambda: action.goto_location(*THERE, 10.0, 0.0),
         "north": lambda: offboard.set_velocity_ned(VelocityNedYaw(0.1, 0.0, 0.0, 0.0)),

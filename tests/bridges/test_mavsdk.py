@@ -64,13 +64,13 @@ def test_a_program_waits_until_it_is_ready_drives_it_and_does_not_rearm_what_it_
         mind.wait_for("place taken")
 
 
-def test_a_program_asks_for_its_place_more_often_its_number_and_its_missions(tmp_path: Path) -> None:
-    """Each of these calls raised an error while it was not answered."""
+def test_a_program_asks_for_its_place_more_often_its_number_and_its_missions_and_arms_by_force(tmp_path: Path) -> None:
+    """Most of these calls raised an error while they were not answered."""
     port = free_port()
     uri = f"mavlink://127.0.0.1:{port}?unsigned=yes&origin=36.6,-121.9#7"
     with (
         closing(Program(port, tmp_path)) as program,
-        closing(Mind("sim:maze", tmp_path, "--ground-station", uri)),
+        closing(Mind("sim:maze", tmp_path, "--ground-station", uri)) as mind,
     ):
         program.wait_for("connected")
         program.say("ready", "battery", "often", "imu", "number", "download", "clear", "upload")
@@ -78,3 +78,6 @@ def test_a_program_asks_for_its_place_more_often_its_number_and_its_missions(tmp
             "ready, all ok: True", "battery: done: 0.0", "often: done", "imu: UNSUPPORTED", "number: done: 7.0"
         )
         program.wait_for("download: done: []", "clear: DENIED", "upload: DENIED")
+        program.say("force")
+        mind.wait_for("stopped, and at rest until RELEASE")  # MAVSDK sends what it sends for kill
+        program.wait_for("text: it is disarmed by force, which stops it")

@@ -680,6 +680,18 @@ def test_a_driver_that_is_not_active_is_named_as_what_may_be_behind_the_silence(
             process.kill()
 
 
+@needs_ros
+@pytest.mark.parametrize("small", ["subnet", "Subnet"])
+def test_ros_takes_small_letters_for_this_computer_alone(small: str) -> None:
+    """And so we refuse them: robots that are looked for on the network would not be found."""
+    environment = {**os.environ, **robots_place(True, DOMAIN, small)}
+    command = [str(RCLPY), "-c", "import rclpy; rclpy.init(); rclpy.create_node('small')"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    assert (
+        f"Invalid value '{small}' specified for 'ROS_AUTOMATIC_DISCOVERY_RANGE', assuming localhost only" in done.stderr
+    )
+
+
 PARAMETERS = """
 import json, sys
 import rclpy

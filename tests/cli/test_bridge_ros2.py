@@ -300,7 +300,8 @@ WAYS = {
         ("ROS_DOMAIN_ID", "seven", "ROS_DOMAIN_ID is a whole number from 0 to 232, not 'seven'"),
         ("ROS_DOMAIN_ID", "233", "ROS_DOMAIN_ID is a whole number from 0 to 232, not '233'"),
         ("ROS_DOMAIN_ID", " 7", "ROS_DOMAIN_ID is a whole number from 0 to 232, not ' 7'"),
-        ("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF", "ROS_AUTOMATIC_DISCOVERY_RANGE is subnet or localhost, not 'OFF'"),
+        ("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF", "ROS_AUTOMATIC_DISCOVERY_RANGE is SUBNET or LOCALHOST, not 'OFF'"),
+        ("ROS_AUTOMATIC_DISCOVERY_RANGE", "subnet", "not 'subnet'; ROS 2 takes it for LOCALHOST"),
     ],
 )
 @pytest.mark.parametrize("way", WAYS)

@@ -46,6 +46,8 @@ SET_MODE, ARM_DISARM, TERMINATE, GO_TO, WAYPOINT = 176, 400, 185, 192, 16
 SEND_EVERY, SEND_ONE, TELL_ABILITIES = 511, 512, 520
 STOPPING_MODES = frozenset((HOLD, 5))
 """HOLD and LOITER: a rover stands in both."""
+BY_FORCE = 21_196
+"""Of arming and disarming."""
 ACCEPTED, DENIED, UNSUPPORTED = 0, 2, 3
 EARTH_FRAMES = frozenset((0, 3, 5, 6, 10, 11))
 """Degrees, and a height above the sea, above home, or above the ground, which are one here."""
@@ -189,6 +191,8 @@ class GroundStation:
             result = ACCEPTED if requests or (self._disarmed and message.param2 == GUIDED) else DENIED
         elif message.command == ARM_DISARM:
             requests = self._arm() if message.param1 == 1.0 else self._disarm()
+            if message.param1 != 1.0 and message.param2 == BY_FORCE:  # as MAVSDK 4.1 sends it to arm by force
+                self._say("it is disarmed by force, which stops it")
             if message.param1 == 1.0 and self._held:
                 result = DENIED
                 self._say("it stays stopped: a STOP of somebody else holds")

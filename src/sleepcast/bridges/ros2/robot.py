@@ -365,9 +365,11 @@ def ros_place(domain: str | None, discovery: str | None, otherwise: str = SUBNET
         raise BodyError(f"{source} is a whole number from 0 to {HIGHEST_DOMAIN}, not {number!r:.40}")
     if discovery is None and os.environ.get("ROS_LOCALHOST_ONLY") == "1":
         discovery = LOCALHOST
-    source, where = _setting("discovery", discovery, "ROS_AUTOMATIC_DISCOVERY_RANGE", otherwise)
-    if where.lower() not in RANGES:
-        raise BodyError(f"{source} is {' or '.join(RANGES)}, not {where!r:.40}")
+    source, where = _setting("discovery", discovery, "ROS_AUTOMATIC_DISCOVERY_RANGE", otherwise.upper())
+    names = RANGES if discovery is not None else tuple(map(str.upper, RANGES))
+    if (where if discovery is None else where.lower()) not in names:
+        also = "; ROS 2 takes it for LOCALHOST" if where.lower() == SUBNET else ""  # with a warning
+        raise BodyError(f"{source} is {' or '.join(names)}, not {where!r:.40}{also}")
     return int(number), where.lower()
 
 

@@ -210,6 +210,19 @@ def test_places_that_ground_stations_send_in_other_ways(ground: GroundStation, d
     assert desk.seen["COMMAND_ACK"].result == 2
 
 
+def test_a_place_ends_the_velocity_of_before_at_once(ground: GroundStation, desk: Desk, clock: ManualClock) -> None:
+    """As when a program of MAVSDK goes on from velocities to places: it drove on for a second, and was then said not to
+    be driven any more."""
+    ground.tell({"x": 0.0, "y": 0.0, "heading": 0.0}, stopped=False)
+    desk.waiting.append(desk.velocity(0.5, 0.0))
+    assert ground.requests() == [PilotRequest("drive", (0.5, 0.0))]
+    place = desk.mav.set_position_target_local_ned_encode(0, ROBOT, 1, 1, PLACE, 3.0, 2.0, -1.0, *(0.0,) * 8)
+    desk.waiting.append(desk.pack(place))
+    assert ground.requests() == [PilotRequest("goal", (2.0, 3.0, 1.0)), PilotRequest("drive", (0.0, 0.0))]
+    clock.advance(1.1 * QUIET)
+    assert (ground.requests(), ground.complaints()) == ([], [])
+
+
 def test_numbers_of_any_kind_do_no_harm(ground: GroundStation, desk: Desk) -> None:
     for odd in (nan, inf, -inf, 3e38):
         for command in (176, 400, 185, 192, 16):

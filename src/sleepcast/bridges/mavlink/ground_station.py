@@ -312,7 +312,8 @@ class GroundStation:
         return x, y, height
 
     def _goal(self, place: Place) -> list[PilotRequest]:
-        """Nothing for what is no place, nor under a STOP: what is asked then may not set it in motion later."""
+        """Nothing for what is no place, nor under a STOP: what is asked then may not set it in motion later. A velocity
+        of before has ended: who goes to a place is not driven there."""
         if place is NOWHERE:
             return []  # which was said
         if not all(abs(each) <= FARTHEST for each in place[:2]):
@@ -321,6 +322,7 @@ class GroundStation:
         if self._stopped or self._disarmed:
             self._say("it is stopped, so it goes nowhere")
             return []
+        self._rest()
         return [PilotRequest("goal", place if abs(place[2]) <= FARTHEST else place[:2])]
 
     # ---- setpoints

@@ -25,7 +25,7 @@ from sleepcast.core.geodesy import LocalMap, Origin
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.remote import TelemetryClient
 from sleepcast.tak.bridge import AT_ONCE, TakBridge
-from sleepcast.tak.event import CotEvent, read_xml
+from sleepcast.tak.event import MESH, CotEvent, read_xml
 from sleepcast.tak.link import TakLink
 from sleepcast.tak.picture import GROUND_ROBOT, MAX_MARKERS
 
@@ -154,6 +154,26 @@ def test_robots_are_told_of_a_few_places_at_a_time_however_many_are_moved() -> N
     assert len(told) == 10 * AT_ONCE, "every two seconds"
     names = {text.split()[2].rstrip(")") for text in told}
     assert len(names) == 10 * AT_ONCE, "each in its turn"
+
+
+class Datagrams:
+    """As pytak reads from multicast."""
+
+    def __init__(self, datagram: bytes) -> None:
+        self._datagram = datagram
+
+    async def recv(self) -> tuple[bytes, object]:
+        return self._datagram, None
+
+
+@pytest.mark.parametrize("told", [False, True])
+def test_pytak_reads_our_multicast_only_if_it_is_told_to(told: bool) -> None:
+    """Otherwise it hands on the bytes of the datagram, in the place of XML."""
+    datagram = MESH + CotEvent("fleet.r1", GROUND_ROBOT, 36.6, -121.9, 0.0, 3.0, "r1").protobuf()
+    config = configparser.ConfigParser()
+    config["client"] = {"TAK_PROTO": "1"} if told else {}
+    found = asyncio.run(pytak.RXWorker(asyncio.Queue(), config["client"], Datagrams(datagram)).readcot())
+    assert found.cotEvent.uid == "fleet.r1" if told else found == datagram
 
 
 @pytest.mark.parametrize("type", ["", "a", "robot", "a-f-<G>", "a" + "-b" * 99])

@@ -7,6 +7,7 @@ from math import pi
 from pathlib import Path
 
 import numpy as np
+import polars
 import pytest
 
 import sleepcast as sc
@@ -72,11 +73,22 @@ class TestPoses:
         [
             "# from a spreadsheet\nx,y,heading,name\n# first\n1,2,90°,ada\n3,2\n5,2,-90 °,bob\n",
             "x,y,heading [°],name\n1,2,90,ada\n3,2,,\n #,last\n5,2,-90,bob\n",
+            ",robot,x,y,heading\n0,ada,1.0,2.0,90°\n1,,3.0,2.0,\n2,bob,5.0,2.0,-90°\n",  # as pandas numbers rows
         ],
     )
     def test_a_csv_file_may_have_comments_and_degrees_as_tables_write_them(self, tmp_path: Path, text: str) -> None:
         of_file = Simulator(load(write(tmp_path, 'starts = "poses.csv"\n', csv=text.replace("3,2\n", "3,2,,\n"))))
         assert of_file.state_hash() == Simulator(load(write(tmp_path, POSES))).state_hash()
+
+    def test_a_table_of_robots_is_where_those_of_another_run_start(self, tmp_path: Path) -> None:
+        write(tmp_path, POSES)
+        fleet = sc.open(tmp_path)
+        fleet.run(2)
+        polars.DataFrame(fleet.table("heading", "x", "y")).write_csv(tmp_path / "poses.csv")
+        again = sc.open(write(tmp_path, 'starts = "poses.csv"\n', csv=(tmp_path / "poses.csv").read_text()))
+        assert tuple(again.names) == tuple(fleet.names)
+        assert again.x.tolist() == fleet.x.tolist()
+        assert again["heading"].tolist() == pytest.approx(fleet["heading"].tolist())
 
     def test_a_run_may_have_fewer_robots_than_poses_and_no_more(self, tmp_path: Path) -> None:
         write(tmp_path, POSES)
@@ -140,6 +152,8 @@ class TestPoses:
             ("x [miles],y\n1,2\n", '1: unknown unit in "x [miles]"'),
             ("90°,1,2\n", '1: "90°" is no column: wanted x, y, and perhaps heading and name. The first line names '),
             ("x,heading\n1,2\n", "1: there is no column y"),
+            ("x,,y\n1,2,3\n", '1: "" is no column: wanted x, y, and perhaps heading and name'),
+            ("x,y,name,robot\n1,2,a,b\n", '1: "robot" is there twice'),
             ("x;y\n1;2\n", '1: "x;y": wanted commas between the columns, not semicolons'),
             ("x,y\n1,2\n1,2,3\n", "3: 3 values in 2 columns: one for each. Decimals have a point, not a comma"),
             ("x,y\n1,2\n\n1,abc\n", '4: y: wanted a length such as "5m", not "abc"'),
@@ -154,7 +168,7 @@ class TestPoses:
             ('x,y,name\n1,2,"a\nb"\n', "3: name: 'a\\nb': wanted 1 to 64 characters"),
             ("x,y,name\n1,2,a\u2028b\n", "2: name: "),
         ],
-        ids=range(20),
+        ids=range(22),
     )
     def test_a_bad_line_of_a_file_is_told_by_its_number(self, tmp_path: Path, text: str | bytes, said: str) -> None:
         assert refusal(write(tmp_path, 'starts = "poses.csv"\n', csv=text)).startswith(f"poses.csv:{said}")

@@ -38,6 +38,8 @@ SLACK = 1e-9
 TURN = 2.0 * pi
 COLUMNS = ("x", "y", "heading", "name")
 """What a pose consists of, in the order of a list."""
+_SAME = {"robot": "name"}
+"""What tables of sleepcast call a column, and what it is called here."""
 SHAPES = ("line", "circle", "grid")
 DEGREES = "°"
 """How tables write what is `deg` here."""
@@ -127,11 +129,15 @@ def _rows_of_file(file: Path) -> list[Table]:
 
 
 def _columns(file: Path, line: int, header: Sequence[str]) -> dict[str, str]:
-    """The columns that the first line names, each with its unit: `x [m]`, `heading (deg)`."""
+    """The columns that the first line names, each with its unit: `x [m]`, `heading (deg)`. A first one without a name,
+    the numbers that pandas writes of rows, is called ""."""
     columns: dict[str, str] = {}
-    for title in header:
+    for number, title in enumerate(header):
+        if not title.strip() and not number and len(header) > 1:
+            columns[""] = ""
+            continue
         name, _, unit = (part.strip(" )]") for part in title.replace("[", "(").partition("("))
-        name, unit = name.casefold(), unit.replace(DEGREES, "deg")
+        name, unit = _SAME.get(name.casefold(), name.casefold()), unit.replace(DEGREES, "deg")
         if ";" in title:
             raise SettingsError(f'{file}:{line}: "{title:.40}": wanted commas between the columns, not semicolons')
         if name not in COLUMNS or name in columns:
@@ -160,7 +166,7 @@ def _line(file: Path, line: int, values: Sequence[str], units: dict[str, str]) -
     for (name, unit), value in zip(units.items(), map(str.strip, values), strict=True):
         if value and name == "heading":
             value = value.replace(DEGREES, "deg")
-        if value:
+        if name and value:
             row[name] = value + unit if value[-1:].isdigit() or value[-1:] == "." else value
     return Table(Document(file, row, dict.fromkeys(((name,) for name in COLUMNS), line)), row, ())
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from random import Random, SystemRandom
@@ -13,6 +12,7 @@ from urllib.parse import quote
 
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.files import data_folder
+from sleepcast.core.records import dataclass
 
 if TYPE_CHECKING:
     from sleepcast.channel.keys import KeyPair, Trust

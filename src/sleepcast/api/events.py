@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Literal
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import MATCHED, TELEMETRY
 from sleepcast.core.errors import printable
+from sleepcast.core.records import dataclass
 from sleepcast.language import format_value
 from sleepcast.language.reading_units import report_in_words
 from sleepcast.station import Outcome

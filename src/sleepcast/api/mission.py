@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, overload
 
+from sleepcast.core.records import dataclass
 from sleepcast.simulator.scenario.mission import Instruction, Order, instruction, parse_mission
 
 if TYPE_CHECKING:

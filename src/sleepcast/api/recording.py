@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 from typing import Self
@@ -19,6 +18,7 @@ from sleepcast.api.session_test import sent_commands
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message_batch import MessageBatch
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.records import dataclass
 from sleepcast.core.ticks import Every
 from sleepcast.core.version import VERSION
 from sleepcast.fleet.failing import MAX_FAILING, RECENT, failing_rules

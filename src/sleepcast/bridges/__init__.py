@@ -8,7 +8,6 @@ the watchdog, the limits and STOP; a body that does not is refused.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import inf
 from types import TracebackType
 from typing import Protocol, Self, cast
@@ -17,6 +16,7 @@ from sleepcast.bridges.address import BodyAddress, BodyError, read_body_address
 from sleepcast.bridges.body import REST, BridgedBody, BusyError, Motion, OutOfReachError
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.extensions import BODIES, extensions, find_extension, load_extension
+from sleepcast.core.records import dataclass
 from sleepcast.robot import Limits, Robot
 
 __all__ = [

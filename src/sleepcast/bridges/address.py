@@ -4,11 +4,11 @@ need no host. An error says what was wanted."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from math import inf
 from urllib.parse import parse_qsl, urlsplit
 
 from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.records import dataclass
 
 MAX_URI = 1_000
 """Characters of an address: more than names, settings and their values need."""

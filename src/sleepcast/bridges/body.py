@@ -27,7 +27,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import inf, isfinite, isnan, nan
 from threading import Event, Lock, Thread
 from types import TracebackType
@@ -37,6 +37,7 @@ from sleepcast.core.backoff import Backoff
 from sleepcast.core.clock import Clock, WallClock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.model import RestState
+from sleepcast.core.records import dataclass
 from sleepcast.robot import Limits, Reading, RobotModel, Setpoint, rest_state_of
 
 UNATTENDED = 1.0

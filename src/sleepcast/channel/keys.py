@@ -11,7 +11,7 @@ for. So changes may arrive in any order, and more than once.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from hashlib import sha256
 from types import MappingProxyType
 
@@ -21,6 +21,7 @@ from nacl.signing import SigningKey
 
 from sleepcast.channel.message import KEYS, MAX_NAME, Kind, Message, Role
 from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.records import dataclass
 
 _SEED_BYTES = _PUBLIC_BYTES = 32
 SIGNATURE_BYTES = crypto_sign_BYTES

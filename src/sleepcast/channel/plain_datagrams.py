@@ -10,11 +10,11 @@ from __future__ import annotations
 import re
 import socket
 from collections.abc import Sequence
-from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
 
 from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.records import dataclass
 
 MAX_BYTES = 128
 """Bytes of one datagram."""

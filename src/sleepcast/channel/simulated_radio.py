@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from math import inf
 
 import msgspec
@@ -26,6 +26,7 @@ from sleepcast.channel.message_batch import MessageBatch, MessageBatchState, asc
 from sleepcast.core.clock import Clock
 from sleepcast.core.counter_rng import key, uniform
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.records import dataclass
 from sleepcast.core.serial import Array, SerialError, within
 
 Numbers = NDArray[np.int64]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import click
@@ -14,6 +13,7 @@ from sleepcast.cli.account import show_account
 from sleepcast.cli.air import operator
 from sleepcast.cli.streams import complain, put, somebody_there
 from sleepcast.core.errors import MisuseError, SleepcastError, printable
+from sleepcast.core.records import dataclass
 
 if TYPE_CHECKING:
     from sleepcast.channel import Message

@@ -9,12 +9,12 @@ business: the mind begins with them, and they are not compared.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from itertools import count, islice
 from typing import TYPE_CHECKING, NamedTuple
 
 from sleepcast.core.errors import SleepcastError, printable
+from sleepcast.core.records import dataclass
 from sleepcast.language.vocabulary import buffer_number, rule_key
 from sleepcast.mind.limits import MAX_QUEUE
 

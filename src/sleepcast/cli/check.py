@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +13,7 @@ import click
 from sleepcast.cli.options import NegativeNumbersAllowed
 from sleepcast.cli.streams import InputError, pieces, put, read_file, read_standard_input
 from sleepcast.core.errors import MisuseError, and_more, counted, in_file
+from sleepcast.core.records import dataclass
 
 if TYPE_CHECKING:
     from sleepcast.language import Finding, ReadError

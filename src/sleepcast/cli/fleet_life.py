@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import inf
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from sleepcast.cli.node_life import NodeProcess, StartScript, Zeroed, number_in,
 from sleepcast.cli.streams import announce, complain
 from sleepcast.core.clock import UnixClock, WallClock
 from sleepcast.core.errors import SleepcastError, counted
+from sleepcast.core.records import dataclass
 from sleepcast.loop.real import EmbodiedMind, run_robots
 from sleepcast.mind.authority import Tells
 from sleepcast.node.store import StoreError

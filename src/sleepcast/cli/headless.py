@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -15,6 +14,7 @@ from sleepcast.api.session_test import late_sentence, missed_in, never_sent, sen
 from sleepcast.cli.interrupts import Interrupts, Terminated
 from sleepcast.cli.streams import complain
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.records import dataclass
 from sleepcast.core.ticks import nearest_ticks
 from sleepcast.loop import Swarm, save
 from sleepcast.loop import snapshot as snapshot_of

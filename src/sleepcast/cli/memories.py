@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Protocol
+
+from sleepcast.core.records import dataclass
 
 EVALUATED, REFUSED, UNREADABLE = 0, 1, 2
 """How an evaluation ended, as exit statuses: fully (an unknown value included); refused or faulted; not readable."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 from typing import Protocol
@@ -23,6 +22,7 @@ from sleepcast.cli.local_input import GROUND, LocalInput, TypedLines
 from sleepcast.cli.streams import announce, complain, pieces, read_file
 from sleepcast.core.clock import MADE, Clock, UnixClock, WallClock, epoch_at
 from sleepcast.core.errors import MisuseError, SleepcastError, counted, in_file
+from sleepcast.core.records import dataclass
 from sleepcast.language import List, Symbol, read, read_all, show
 from sleepcast.language.parts import ONLY_PRIORITY, rank_of
 from sleepcast.loop import vocabulary_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING
@@ -23,6 +23,7 @@ from sleepcast.console.snapshots import Budget
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.given_numbers import read_seed
+from sleepcast.core.records import dataclass
 from sleepcast.core.settings import toml_document
 from sleepcast.experiments.live import live_measures
 from sleepcast.experiments.trust import folder_of

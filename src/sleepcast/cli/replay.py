@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ from sleepcast.cli.options import NumberRange, allow_host_option
 from sleepcast.cli.run import FASTEST, HOST, PORT, SLOWEST
 from sleepcast.cli.streams import announce, put
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.records import dataclass
 
 if TYPE_CHECKING:
     from sleepcast.loop import Swarm

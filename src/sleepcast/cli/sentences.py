@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from sleepcast.cli.streams import put
 from sleepcast.core.errors import MisuseError, with_caret
+from sleepcast.core.records import dataclass
 
 if TYPE_CHECKING:
     from sleepcast.sentences import Lexicon, Unclear

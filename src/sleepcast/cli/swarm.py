@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack, closing
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.options import SEED, QuantityType, each_rules_option, restraints
 from sleepcast.cli.streams import announce, complain
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.records import dataclass
 
 if TYPE_CHECKING:
     from sleepcast.cli.node_life import StartScript

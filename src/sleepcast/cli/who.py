@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 import click
@@ -15,6 +15,7 @@ from sleepcast.cli.air import operator
 from sleepcast.cli.options import NegativeNumbersAllowed
 from sleepcast.cli.streams import complain, put
 from sleepcast.core.errors import and_more, printable
+from sleepcast.core.records import dataclass
 
 if TYPE_CHECKING:
     from sleepcast.station.network import NetworkStation

@@ -8,7 +8,6 @@ recorded, so that it can be told of any of its moments.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
 import msgspec
 import numpy as np
@@ -16,6 +15,7 @@ import numpy as np
 from sleepcast.channel.message import Role
 from sleepcast.console.view import SwarmView
 from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.records import dataclass
 from sleepcast.fleet.failing import MAX_FAILING, FailingRule
 from sleepcast.station import FAULT, MATCHED, Command, Station
 from sleepcast.station.sent import HELD_BY_STOP

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterable
 from contextvars import ContextVar
-from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeAlias, TypeVar, get_type_hints
 
 import msgspec
@@ -23,6 +22,7 @@ import msgspec
 from sleepcast.console.incoming import AT_ONCE, PageMessage
 from sleepcast.console.marks import clock_time
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.records import dataclass
 
 Answer: TypeAlias = msgspec.Struct | msgspec.Raw | None
 Reply: TypeAlias = Answer | Awaitable[Answer]

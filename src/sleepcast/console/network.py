@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable, Iterator
-from dataclasses import dataclass
 from typing import NamedTuple, NoReturn, Protocol
 
 import numpy as np
@@ -22,6 +21,7 @@ from sleepcast.console.view import KeptRule, MindView, SwarmView
 from sleepcast.core.ages import ago
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError, printable
+from sleepcast.core.records import dataclass
 from sleepcast.language import Explanation
 from sleepcast.station import Command
 from sleepcast.station.asking import AwaitedRelease

@@ -6,14 +6,13 @@ heard to do.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import msgspec
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import LeaseAction, Role
 from sleepcast.console.outgoing import DeskMessage
 from sleepcast.core.errors import MisuseError, SleepcastError, printable
+from sleepcast.core.records import dataclass
 from sleepcast.station import Command
 from sleepcast.station.leases import describe_request, doubt_of, lease_body
 from sleepcast.station.network import NetworkStation

@@ -18,7 +18,6 @@ import re
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future, wait
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from html.parser import HTMLParser
 from importlib import resources
@@ -34,6 +33,7 @@ from sleepcast.console.package_code import thread_of
 from sleepcast.console.values import Values
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.extensions import OWN, PAGES, Extension, extensions, find_extension, load_extension
+from sleepcast.core.records import dataclass
 
 __all__ = [
     "STATIC",

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import asyncio
 from bisect import bisect_right
-from dataclasses import dataclass
 
 import msgspec
 
@@ -30,6 +29,7 @@ from sleepcast.console.replay_client import (
 from sleepcast.console.snapshots import Budget, SnapshotStore
 from sleepcast.console.timeline import Timeline
 from sleepcast.core.memory import process_in_words, shown_size
+from sleepcast.core.records import dataclass
 from sleepcast.loop.rerun import Inputs
 
 LOOK, MAX_LOOKS = 0.02, 250

@@ -12,7 +12,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack
-from dataclasses import dataclass, field
+from dataclasses import field
 from types import TracebackType
 from typing import Protocol, Self
 
@@ -41,6 +41,7 @@ from sleepcast.console.past import Past
 from sleepcast.console.view import PaceControl, SwarmView
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.records import dataclass
 from sleepcast.fleet.marks import is_frozen
 from sleepcast.station import Station
 

@@ -11,7 +11,7 @@ import hashlib
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from multiprocessing import connection, get_context
 from threading import Lock, Thread
 from typing import Literal
@@ -19,6 +19,7 @@ from typing import Literal
 import numpy as np
 
 from sleepcast.core.errors import SleepcastError
+from sleepcast.core.records import dataclass
 from sleepcast.loop.rerun import Inputs
 
 ReplayAction = Literal["begin", "look", "answer", "why", "state", "advance", "compare", "sample"]

@@ -4,10 +4,11 @@ other senses reach. The page asks for it while it shows a layer that needs it.""
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from math import isfinite
 
 import msgspec
+
+from sleepcast.core.records import dataclass
 
 Pose = tuple[float, float, float]
 """x, y (m) and heading (rad, counter-clockwise from x)."""

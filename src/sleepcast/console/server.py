@@ -18,7 +18,6 @@ import sys
 import webbrowser
 from collections.abc import Awaitable, Callable, Coroutine, Iterable, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext
-from dataclasses import dataclass
 from secrets import compare_digest, token_urlsafe
 from typing import Any
 
@@ -48,6 +47,7 @@ from sleepcast.core.clock import Clock, WallClock
 from sleepcast.core.doorkeeper import sentences_of
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.hosts import is_loopback
+from sleepcast.core.records import dataclass
 from sleepcast.station import Station
 from sleepcast.station.network import NetworkStation
 

@@ -9,7 +9,8 @@ thinly. `Budget` says how many bytes of everything are kept.
 from __future__ import annotations
 
 from bisect import bisect_right
-from dataclasses import dataclass
+
+from sleepcast.core.records import dataclass
 
 STATE_EVERY = 0.2
 """Seconds of a machine's work between two kept states: so long takes it at most to come from one to the next."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import islice
 from typing import Generic, TypeVar
 
@@ -22,6 +22,7 @@ from sleepcast.console.frames import pack
 from sleepcast.console.replay_client import ReplayAnswer
 from sleepcast.console.sensing import BodyKind
 from sleepcast.console.view import FieldPicture, Outline, Picture, Scene
+from sleepcast.core.records import dataclass
 from sleepcast.core.units import value_in_words
 from sleepcast.fleet.failing import RECENT
 from sleepcast.language import Vocabulary

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.extras import installing
+from sleepcast.core.records import dataclass
 
 FARTHEST = 1e6
 """m from the origin: farther away the flat map no longer stands for the round Earth."""

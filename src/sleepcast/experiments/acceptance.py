@@ -8,7 +8,6 @@ from __future__ import annotations
 import zipfile
 import zlib
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from sleepcast.api.session_test import FILE, FORMAT, MISSION, SentOrder, late_se
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.files import open_file
 from sleepcast.core.given_numbers import MAX_SEED
+from sleepcast.core.records import dataclass
 from sleepcast.core.settings import MAX_BYTES, Table, read_text, toml_document
 from sleepcast.core.ticks import tick_at
 from sleepcast.core.units import TIME

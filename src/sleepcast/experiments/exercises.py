@@ -17,12 +17,13 @@ When goals hold: see `goals`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 from sleepcast.api.fleet import open as open_fleet
 from sleepcast.core.errors import MisuseError, did_you_mean, in_file
+from sleepcast.core.records import dataclass
 from sleepcast.core.settings import Table, toml_document
 from sleepcast.core.ticks import nearest_ticks
 from sleepcast.core.units import TIME

@@ -11,11 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from math import isnan
 
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.core.errors import MisuseError, in_file
+from sleepcast.core.records import dataclass
 from sleepcast.core.settings import Table
 from sleepcast.core.units import TIME
 from sleepcast.experiments.measures import StopCondition, read_stop

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from importlib import import_module
 from math import isfinite, nan
 from operator import eq, ge, gt, le, lt
@@ -30,6 +29,7 @@ from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.core.angles import deviation, mean_direction, quantile, widest_gap
 from sleepcast.core.errors import MisuseError, decimal_comma, did_you_mean
 from sleepcast.core.extensions import extensions, load_extension
+from sleepcast.core.records import dataclass
 from sleepcast.experiments.group_measures import NAMES, read_group_measure
 from sleepcast.language import CheckError
 from sleepcast.language.evaluate import is_true

@@ -6,11 +6,11 @@ A rule that fails now and then counts as failing in between, so that what people
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
 from sleepcast.columns.values import Index, Rows
+from sleepcast.core.records import dataclass
 from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.state import Mind
 

@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import isnan, nan
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
@@ -35,6 +35,7 @@ from sleepcast.columns.telemetry import BulkTelemetry, Key, KnownSymbols
 from sleepcast.columns.values import Column, Index, Mask, Rows, ValueColumns, distinct
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import RestState
+from sleepcast.core.records import dataclass
 from sleepcast.core.serial import Array
 from sleepcast.fleet.bodies import FleetBodies
 from sleepcast.fleet.evaluation import FleetEvaluation

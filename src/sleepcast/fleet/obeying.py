@@ -5,7 +5,6 @@ they answer. The steps, and their order, are those of `Node`.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +15,7 @@ from sleepcast.columns.evaluation import Noted, fault_text
 from sleepcast.columns.machine import evaluate
 from sleepcast.columns.values import Column, Index, Mask, Rows
 from sleepcast.core.errors import SleepcastError
+from sleepcast.core.records import dataclass
 from sleepcast.fleet.authority import FleetAuthority
 from sleepcast.fleet.inspection import EvaluationLog, LogEntry, rehearsal
 from sleepcast.fleet.memory import FleetMemory

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import isfinite
 from os import PathLike
 
@@ -15,6 +15,7 @@ from sleepcast.api.fleet import SimulatedFleet, open
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.given_numbers import in_seconds
 from sleepcast.core.model import Quantity
+from sleepcast.core.records import dataclass
 from sleepcast.core.ticks import nearest_ticks
 from sleepcast.experiments.measures import StopCondition, read_stop
 from sleepcast.language import check

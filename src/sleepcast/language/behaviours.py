@@ -14,10 +14,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Container, Iterator, Sequence
-from dataclasses import dataclass
 from math import inf
 from typing import NamedTuple
 
+from sleepcast.core.records import dataclass
 from sleepcast.core.units import LENGTH, UNITS
 from sleepcast.language.reader import Number, ReadError, read
 

@@ -11,12 +11,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from math import nan
 from re import compile as pattern
 
 from sleepcast.core.errors import MisuseError, and_more, did_you_mean, placed, slip_of, with_caret
 from sleepcast.core.model import Constant, HostFunction
+from sleepcast.core.records import dataclass
 from sleepcast.core.units import UNITS
 from sleepcast.language.functions import FUNCTIONS, MANY, WORDS, Function
 from sleepcast.language.parts import Defining, Label, Part, Storing

@@ -15,10 +15,10 @@ assigned before it stands, and the machine can be used on.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Final, Literal, get_args
 
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.records import dataclass
 from sleepcast.language.classic_evaluator import (
     CLOSE,
     EXPRESSION,

@@ -7,10 +7,11 @@ ran (a `Recollection`). The course is walked again when somebody asks, which giv
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from math import isnan, nan
 
+from sleepcast.core.records import dataclass
 from sleepcast.core.units import value_in_words
 from sleepcast.language.evaluate import Entered, Memory, Walker, is_true, too_deep
 from sleepcast.language.lint import units_in

@@ -7,12 +7,12 @@ never holds) and the places where failing closed has an edge (an IF whose test i
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from math import inf, isfinite
 from weakref import WeakKeyDictionary
 
 from sleepcast.core.model import Constant, HostFunction, Quantity
+from sleepcast.core.records import dataclass
 from sleepcast.core.units import LENGTH, NONE, Dimension, dimension_of, to_si, value_in_words
 from sleepcast.language.checker import Checker, CheckError, Finding, Findings
 from sleepcast.language.evaluate import Entered

@@ -7,10 +7,10 @@ a robot's mind is one, and `FreshNames` is a robot that has learned nothing yet.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from typing import Protocol
 
 from sleepcast.core.errors import with_article
+from sleepcast.core.records import dataclass
 from sleepcast.language.vocabulary import Vocabulary, buffer_number
 
 

@@ -11,12 +11,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum
 from typing import TypeVar
 
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.model import Constant, HostFunction, NamedArea, Quantity
+from sleepcast.core.records import dataclass
 from sleepcast.core.units import NONE
 from sleepcast.language.functions import BUILT_IN, FUNCTIONS, PRIORITY
 

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor, wait
-from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
 from sleepcast.channel.message import Message, not_stored
+from sleepcast.core.records import dataclass
 from sleepcast.node.node import Node
 
 WRITERS = 16

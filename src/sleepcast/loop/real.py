@@ -20,7 +20,7 @@ import gc
 import select
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 from math import inf, nan
 from typing import TYPE_CHECKING, Protocol, Self
@@ -31,6 +31,7 @@ from sleepcast.channel.sequencer import Skipped
 from sleepcast.channel.session import GATHER_FOR, ChannelSession, Multiplexer, Receiver
 from sleepcast.core.clock import Clock, WallClock, WorkClock
 from sleepcast.core.errors import SleepcastError
+from sleepcast.core.records import dataclass
 from sleepcast.loop.durable import Durability, Keeper
 from sleepcast.mind.evaluation_budget import EvaluationBudget
 from sleepcast.node.node import Node

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import zip_longest
 from typing import TypeVar
 
 from sleepcast.channel import Message
 from sleepcast.channel.message_batch import MessageBatch
+from sleepcast.core.records import dataclass
 from sleepcast.loop.swarm import Swarm
 from sleepcast.simulator import World
 from sleepcast.simulator.packing import pack

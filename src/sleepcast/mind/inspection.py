@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Protocol
 
 from sleepcast.channel.message import LOOK, MATCHED, OF, STOPS, TELEMETRY, UNKNOWN, Inspection, Message
 from sleepcast.core.errors import SleepcastError, printable
+from sleepcast.core.records import dataclass
 from sleepcast.language.explain import Explanation, Foretold
 from sleepcast.language.program import Program
 from sleepcast.language.symbols import Declared, Group, Operator, UserVariable

@@ -8,11 +8,12 @@ firings - are left as `Effect`s for the owner of these.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import HostFunction
+from sleepcast.core.records import dataclass
 from sleepcast.language.areas import text_of
 from sleepcast.language.functions import MAX_PRIORITY, PRIORITY
 from sleepcast.language.program import Library, Program

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
+from sleepcast.core.records import dataclass
 from sleepcast.language.explain import Explanation, Recollection, explain
 
 

@@ -15,12 +15,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from types import FunctionType
 from typing import Any, TypeVar, overload
 
 from sleepcast.core.errors import did_you_mean
 from sleepcast.core.model import HostFunction, Quantity
+from sleepcast.core.records import dataclass
 from sleepcast.core.units import NONE, UNITS, Dimension, to_si
 from sleepcast.language.functions import MANY
 from sleepcast.node.host_memory import LinkError, as_number

@@ -7,11 +7,11 @@ later by repeating it. A refused act is recorded as a fault, gives unknown, and 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from math import inf, nan
 from weakref import WeakKeyDictionary
 
 from sleepcast.core.errors import SleepcastError
+from sleepcast.core.records import dataclass
 from sleepcast.language.acts import FLAGS
 from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.numerics import draw, stream

@@ -8,9 +8,9 @@ served first, then rules left over from the tick before; the rest come first in 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import inf, nan
 
+from sleepcast.core.records import dataclass
 from sleepcast.language.vocabulary import ACTIVE0, buffer_number
 from sleepcast.mind.limits import TICK_STEPS
 from sleepcast.mind.rules import Rule, RuleBase, levels, running

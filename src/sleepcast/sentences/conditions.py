@@ -5,8 +5,7 @@ Conditions that stand beside each other must all hold, as those with "and" betwe
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from sleepcast.core.records import dataclass
 from sleepcast.language import Form, Number, Symbol, show
 from sleepcast.language.reader import UNQUOTE
 from sleepcast.sentences.cursor import ARE, HAVE, Cursor, Stuck, call

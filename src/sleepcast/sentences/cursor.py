@@ -5,10 +5,10 @@ understood.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import NoReturn
 
 from sleepcast.core.errors import decimal_comma, did_you_mean, slip_of
+from sleepcast.core.records import dataclass
 from sleepcast.language import Form, List, ReadError, Symbol, read
 from sleepcast.language.reader import is_name
 from sleepcast.sentences.lexicon import GROUP_WORDS, OPENERS, PLURAL, RESERVED, ROBOTS, Lexicon

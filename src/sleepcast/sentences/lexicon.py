@@ -8,9 +8,10 @@ place.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from sleepcast.core.model import Constant, HostFunction
+from sleepcast.core.records import dataclass
 from sleepcast.core.units import UNITS
 from sleepcast.language import Variable, Vocabulary
 

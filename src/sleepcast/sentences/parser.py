@@ -9,9 +9,9 @@ there is no expression then. Nothing is looked up outside the lexicon, so the sa
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.records import dataclass
 from sleepcast.language import Form, Number, Symbol, show
 from sleepcast.language.reader import QUASIQUOTE
 from sleepcast.sentences.conditions import Conditions, Test

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
+from sleepcast.core.records import dataclass
 from sleepcast.core.units import UNITS
 from sleepcast.sentences.lexicon import ARTICLE, UNIT_WORDS
 

@@ -7,8 +7,8 @@ said that means something else, whatever the names are.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+from sleepcast.core.records import dataclass
 from sleepcast.language import Form, List, Number, Symbol, Text
 from sleepcast.language.reader import QUASIQUOTE, UNQUOTE, format_literal
 from sleepcast.language.vocabulary import unit_of

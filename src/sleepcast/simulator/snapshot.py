@@ -8,7 +8,7 @@ another seed gives another random future from the same past.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from math import isnan
 from weakref import WeakKeyDictionary
 
@@ -18,6 +18,7 @@ import numpy as np
 from sleepcast.channel.message import is_robot_name
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.given_numbers import MAX_SEED
+from sleepcast.core.records import dataclass
 from sleepcast.core.serial import Arrays, SerialError, dump_arrays, load_arrays, within
 from sleepcast.core.units import UNITS
 from sleepcast.simulator.bodies.bodies import MAX_SAYINGS, Mode, Saying

@@ -16,7 +16,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -24,6 +24,7 @@ from sleepcast.channel import Kind, Message
 from sleepcast.channel.baselines import MAX_ONLY
 from sleepcast.channel.message import KEYS, ONLY, WITHIN
 from sleepcast.core.errors import SleepcastError
+from sleepcast.core.records import dataclass
 from sleepcast.language import Form, List, Symbol
 from sleepcast.language.reader import QUOTE, ReadError, read, walk
 from sleepcast.language.vocabulary import buffer_number, rule_key

@@ -11,7 +11,6 @@ same telemetry. The search is bounded by steps, not by time: the same robots giv
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import combinations, islice
 from math import inf
 
@@ -19,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.records import dataclass
 from sleepcast.core.units import UNITS
 from sleepcast.language.evaluate import is_true
 from sleepcast.language.functions import MANY

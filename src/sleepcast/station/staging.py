@@ -6,9 +6,9 @@ A robot that says nothing is no proof that all went well, so silence ends it, to
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from math import ceil
 
+from sleepcast.core.records import dataclass
 from sleepcast.station.account import Account
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.prepared import Prepared

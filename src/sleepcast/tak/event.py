@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 from xml.etree import ElementTree
 
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.extras import installing
+from sleepcast.core.records import dataclass
 
 UNKNOWN_SIZE = "9999999.0"
 """What an event says of an error or a height that nobody knows."""

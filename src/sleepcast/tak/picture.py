@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Container, Iterable, Iterator, Mapping
-from dataclasses import dataclass
 
 from sleepcast.core.geodesy import LocalMap
+from sleepcast.core.records import dataclass
 from sleepcast.station.remote import RemoteMind
 from sleepcast.tak.event import CotEvent
 

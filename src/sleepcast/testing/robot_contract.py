@@ -8,13 +8,13 @@ conftest.py makes failures say what differed.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from math import hypot, inf, isclose, isfinite, isnan, nan
 
 from sleepcast.bridges import BridgedBody, OutOfReachError
 from sleepcast.bridges.body import LATEST, ROUND, UNATTENDED
 from sleepcast.core.clock import ManualClock
+from sleepcast.core.records import dataclass
 from sleepcast.robot import Limits, RestSensing, Robot, Setpoint
 
 

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Set
 from contextlib import suppress
-from dataclasses import dataclass
 from math import atan2, cos, hypot, inf, isfinite, nan, pi, remainder, sin
 from typing import Any, Literal
 
@@ -34,6 +33,7 @@ from sleepcast.bridges.mavlink.self_portrait import (
 )
 from sleepcast.core.clock import Clock, WallClock
 from sleepcast.core.geodesy import LocalMap, Origin
+from sleepcast.core.records import dataclass
 
 EXAMPLE = "mavlink://127.0.0.1:14550?key=vehicle.key#1"
 PORT = 14_550

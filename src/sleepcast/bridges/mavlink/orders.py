@@ -8,8 +8,9 @@ has asked for after it are not sent.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import inf
+
+from sleepcast.core.records import dataclass
 
 SET_MODE, ARM_DISARM, TAKEOFF, CHANGE_SPEED, INTERVAL = 176, 400, 22, 178, 511
 NAMES = {

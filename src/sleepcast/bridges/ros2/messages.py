@@ -8,12 +8,14 @@ ROS 2 of any release sends, since nobody looks beyond the end; and programs that
 # No postponed annotations: cyclonedds reads them when it makes the classes.
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import asin, atan2, cos, inf, isfinite, nan, pi, sin
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from cyclonedds.idl import IdlStruct
 from cyclonedds.idl.types import array, float32, float64, int32, sequence, uint8, uint32
+
+from sleepcast.core.records import dataclass
 
 MAX_RAYS = 20_000
 """Of one scan: beyond, it is no scan of a robot's lidar."""

@@ -20,7 +20,7 @@ import os
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY
 from functools import partial
 from math import inf, isfinite, isnan, nan, pi
 from pathlib import Path
@@ -46,6 +46,7 @@ from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.extras import installing
 from sleepcast.core.model import HostFunction
+from sleepcast.core.records import dataclass
 from sleepcast.core.units import NONE, UNITS, Dimension
 from sleepcast.robot import Geometry, Reading, RobotModel
 

@@ -11,7 +11,6 @@ datagrams depends only on a party's seed, on how many have joined before it, and
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass
 from heapq import heapify, heappop, heappush
 from math import dist, inf, isfinite
 from random import Random
@@ -23,6 +22,7 @@ from sleepcast.channel.transports.address import AddressError, number_option, sp
 from sleepcast.channel.transports.transport import WakeUp
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
+from sleepcast.core.records import dataclass
 
 LATE = 0.05
 """Seconds by which a reordered datagram is late, so that others overtake it."""

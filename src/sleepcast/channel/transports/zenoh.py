@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import json
 from collections import deque
-from dataclasses import dataclass
 from ipaddress import IPv6Address, ip_address
 from threading import Lock
 
@@ -25,6 +24,7 @@ from sleepcast.channel.transports.transport import WakeUp
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.extras import installing
+from sleepcast.core.records import dataclass
 
 try:
     import zenoh

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import StrEnum
 
+from sleepcast.core.records import dataclass
 from sleepcast.language import Checked
 from sleepcast.station.prepared import Prepared, Terms
 from sleepcast.station.validation import Audience

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import inf
 from typing import Annotated, Protocol
 
@@ -29,6 +29,7 @@ from sleepcast.console.outgoing import DeskMessage
 from sleepcast.console.values import Values
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError, listed
+from sleepcast.core.records import dataclass
 from sleepcast.language.evaluate import is_true
 
 MAX_ALERTS = 32

@@ -8,7 +8,7 @@ kept to a small part of the time: after a sample, ten times as long passes until
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from math import nan
 from typing import Annotated, Literal, Protocol
 
@@ -24,6 +24,7 @@ from sleepcast.console.series import OF_TRUE, STATISTICS, Series, lines_of, samp
 from sleepcast.console.values import Column, Values, in_unit
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.records import dataclass
 from sleepcast.language.evaluate import is_true
 
 MAX_PLOTS = 16

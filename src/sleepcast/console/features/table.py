@@ -8,7 +8,6 @@ order is kept until the page asks for another one, so that scrolling costs nothi
 from __future__ import annotations
 
 import csv
-from dataclasses import dataclass
 from io import StringIO
 from typing import Annotated, Protocol
 
@@ -23,6 +22,7 @@ from sleepcast.console.values import Column, Values, in_unit
 from sleepcast.console.values import Index as Robots
 from sleepcast.core.columns import column_name
 from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.records import dataclass
 from sleepcast.core.units import value_in_words
 from sleepcast.language.evaluate import is_true
 

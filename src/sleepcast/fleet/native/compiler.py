@@ -14,7 +14,6 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Iterable, Sequence
 from copy import copy
-from dataclasses import dataclass
 from enum import IntEnum
 from functools import lru_cache
 from hashlib import sha256
@@ -31,6 +30,7 @@ from sleepcast.core.code_cache import CodeCache, processor, target_machine, vers
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.linking import LinkedCode
 from sleepcast.core.model import BodyColumn, HostFunction, NativeCall
+from sleepcast.core.records import dataclass
 from sleepcast.core.threads import ThreadPool, borders
 from sleepcast.fleet.native import libm
 from sleepcast.fleet.native.assembly import Assembly

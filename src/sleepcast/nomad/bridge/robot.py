@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import copysign, isnan, nan, pi
 from threading import Thread
 
 from sleepcast.bridges.body import PATIENCE, REST, BridgedBody, BusyError, Motion
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.records import dataclass
 from sleepcast.nomad.client.nomad import PARTING_SECONDS, Nomad, NomadError, Pose, RequestError
 from sleepcast.nomad.wire.state import State
 from sleepcast.nomad.wire.units import INCH, INFRARED_STEP, NOTHING_HEARD, NOTHING_NEAR, TENTH, TENTH_DEGREE

@@ -8,11 +8,11 @@ success.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from struct import Struct
 from typing import Literal
 
 from sleepcast.core.errors import SleepcastError
+from sleepcast.core.records import dataclass
 from sleepcast.nomad.server.relay import Pending, Relay
 from sleepcast.nomad.server.session import Answer, ClientSession, Refusal, Wait, Words
 from sleepcast.nomad.server.simulated_robot import COMMANDS, LONGEST_TIMEOUT, MOTIONS, NO_LASER, STOPS, SimulatedRobot

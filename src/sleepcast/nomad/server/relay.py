@@ -10,10 +10,10 @@ import asyncio
 import os
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.records import dataclass
 from sleepcast.nomad.wire.encoding import HEADER, Layout, decode, encode_request
 from sleepcast.nomad.wire.requests import RequestType
 

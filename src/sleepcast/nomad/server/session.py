@@ -8,8 +8,9 @@ behind its simulated one, if there is one: then a `Relay` passes on what it asks
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from sleepcast.core.records import dataclass
 from sleepcast.nomad.server.relay import RealAddress, Relay
 from sleepcast.nomad.server.simulated_robot import SimulatedRobot
 from sleepcast.nomad.server.windows import Windows

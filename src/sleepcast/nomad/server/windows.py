@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import cos, hypot, isnan, nan, pi, sin
 from typing import Literal, NamedTuple
 
+from sleepcast.core.records import dataclass
 from sleepcast.nomad.wire.units import INCH, NOTHING_HEARD
 from sleepcast.robot import Condition
 

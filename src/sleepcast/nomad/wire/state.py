@@ -7,10 +7,11 @@ PosData record for each sensor that was asked for, the clock, and the batteries.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import pi
 from typing import NamedTuple
 
+from sleepcast.core.records import dataclass
 from sleepcast.nomad.wire import units
 from sleepcast.nomad.wire.units import FULL_BATTERY, FULL_TURN, INCH, REAL_TIME, metres, radians
 from sleepcast.robot import Axes, Condition, Pose

@@ -13,12 +13,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import isfinite, pi, sqrt
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 from sleepcast.core.errors import and_more, printable
+from sleepcast.core.records import dataclass
 from sleepcast.core.settings import SettingsError, read_raw
 from sleepcast.nomad.world.setups import Setup
 from sleepcast.nomad.world.sites import MAX_NOMADS

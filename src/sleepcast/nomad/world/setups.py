@@ -6,12 +6,13 @@ together, [turret] and [infrared].
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import nan
 from pathlib import Path
 
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.given_numbers import MAX_SEED
+from sleepcast.core.records import dataclass
 from sleepcast.core.settings import Table, toml_document
 from sleepcast.core.units import LENGTH, RATE, TIME
 from sleepcast.robot import Axes

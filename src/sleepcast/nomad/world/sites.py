@@ -19,12 +19,12 @@ All lengths in a file are in the file's own frame.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from math import ceil, isfinite, pi
 from pathlib import Path
 
 from sleepcast.core.errors import decimal_comma
 from sleepcast.core.given_numbers import MAX_SEED
+from sleepcast.core.records import dataclass
 from sleepcast.core.settings import SettingsError, Table, read_text, toml_document
 from sleepcast.core.units import LENGTH
 from sleepcast.robot import Corners

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
 
+from sleepcast.core.records import dataclass
 from sleepcast.simulator.bodies.bodies import Floats
 from sleepcast.simulator.bodies.local_fields import cell_middles, flow, values
 from sleepcast.simulator.scenario.fields import Field, VectorField

@@ -9,7 +9,7 @@ no result depends on the order of the robots. Walls do not hide neighbours.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from math import ceil, inf
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from sleepcast.core.angles import CANCELLED
 from sleepcast.core.counter_rng import GOLDEN, key, mix, uniform
 from sleepcast.core.model import BodyColumn, HostFunction, NativeCall, Writing
+from sleepcast.core.records import dataclass
 from sleepcast.core.units import LENGTH, NONE, UNITS, Dimension, is_angle
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Flags, Floats
 from sleepcast.simulator.bodies.body import Body, BodySenses, acting

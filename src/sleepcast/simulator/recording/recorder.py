@@ -38,7 +38,6 @@ import os
 import re
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from io import BytesIO, FileIO
 from math import inf
 from pathlib import Path
@@ -54,6 +53,7 @@ from numpy.typing import NDArray
 from sleepcast.channel import Message
 from sleepcast.core.errors import MisuseError, SleepcastError, decimal_comma
 from sleepcast.core.model import Quantity
+from sleepcast.core.records import dataclass
 from sleepcast.core.units import UNITS
 from sleepcast.simulator.packing import pack
 from sleepcast.simulator.recording import foxglove

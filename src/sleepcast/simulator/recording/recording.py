@@ -10,7 +10,7 @@ import json
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from io import BufferedReader
 from pathlib import Path
 from typing import TypeVar
@@ -26,6 +26,7 @@ from zstandard import ZstdDecompressor, ZstdError
 from sleepcast.channel import Message
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.files import open_file
+from sleepcast.core.records import dataclass
 from sleepcast.core.serial import SerialError
 from sleepcast.simulator.packing import unpack
 from sleepcast.simulator.recording.recorder import (

@@ -21,9 +21,9 @@ before anything moves.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from sleepcast.core.errors import did_you_mean
+from sleepcast.core.records import dataclass
 from sleepcast.core.settings import Table
 from sleepcast.core.ticks import tick_at
 from sleepcast.core.units import TIME

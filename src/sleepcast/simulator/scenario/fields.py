@@ -9,12 +9,12 @@ them.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from math import ceil, inf
 
 import numpy as np
 
 from sleepcast.core.model import Quantity
+from sleepcast.core.records import dataclass
 from sleepcast.core.settings import SettingsError, Table, checked_name
 from sleepcast.core.units import LENGTH, NONE, UNITS, Dimension
 from sleepcast.simulator.scenario.robot_settings import LEAST, MAX_WORLD

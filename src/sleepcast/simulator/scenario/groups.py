@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from math import nan
 
 import numpy as np
@@ -25,6 +24,7 @@ from numpy.typing import NDArray
 from sleepcast.core.errors import did_you_mean
 from sleepcast.core.model import Quantity
 from sleepcast.core.quantities import Measure
+from sleepcast.core.records import dataclass
 from sleepcast.core.settings import SettingsError, Table, checked_name
 from sleepcast.core.units import UNITS
 from sleepcast.robot import BodyConstant

@@ -12,11 +12,11 @@ sample is dropped, and the sampling period doubles.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.core.records import dataclass
 from sleepcast.core.serial import SerialError
 from sleepcast.core.settings import Table, checked_name
 from sleepcast.core.ticks import Every, nearest_ticks

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from math import isfinite
 from pathlib import Path
@@ -30,6 +30,7 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from sleepcast.channel.message import LeaseAction
 from sleepcast.core.errors import MisuseError, decimal_comma
+from sleepcast.core.records import dataclass
 from sleepcast.core.settings import SettingsError, read_text
 from sleepcast.core.ticks import tick_at
 from sleepcast.core.units import TIME, UNITS, to_si

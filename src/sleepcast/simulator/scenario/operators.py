@@ -16,11 +16,11 @@ operators, and come to rest when the one who drives them is not heard any more. 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import inf
 
 from sleepcast.channel.message import Role, is_robot_name
 from sleepcast.channel.message_batch import NameIndex
+from sleepcast.core.records import dataclass
 from sleepcast.core.settings import Table, checked_name
 from sleepcast.core.units import TIME
 

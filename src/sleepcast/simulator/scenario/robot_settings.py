@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import inf, pi
 
 from sleepcast.core.quantities import Measure
+from sleepcast.core.records import dataclass
 from sleepcast.core.settings import Table, checked_name, shown_key
 from sleepcast.core.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME, UNITS, Dimension
 from sleepcast.robot import Geometry, Limits

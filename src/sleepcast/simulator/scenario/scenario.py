@@ -7,7 +7,7 @@ Errors are reported with their line and key. docs/scenarios.md explains the keys
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import ceil, inf, log, pi
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.extensions import extensions
 from sleepcast.core.given_numbers import MAX_SEED
 from sleepcast.core.model import NamedArea, ReadyCommand
+from sleepcast.core.records import dataclass
 from sleepcast.core.settings import SettingsError, Table, checked_name, toml_document
 from sleepcast.core.ticks import nearest_ticks
 from sleepcast.core.units import LENGTH, SPEED, TIME

@@ -9,10 +9,10 @@ pBearing and pCaste, for one tick each; the light in sFlag, sRange and sBearing,
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import inf
 
 from sleepcast.core.model import Quantity
+from sleepcast.core.records import dataclass
 from sleepcast.core.settings import Table, checked_name
 from sleepcast.core.units import LENGTH, UNITS
 from sleepcast.robot import BodyConstant

@@ -18,9 +18,9 @@ number is one of the ready-made commands and the mission alone, where `{near}` s
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from sleepcast.core.quantities import Measure
+from sleepcast.core.records import dataclass
 from sleepcast.core.settings import Document, Table, checked_name, key_path
 from sleepcast.core.units import UNITS
 from sleepcast.robot import BodyConstant

@@ -14,10 +14,10 @@ A stock is an amount of something at a place. Robots sense it as the variable `o
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from math import inf
 
 from sleepcast.core.model import Quantity
+from sleepcast.core.records import dataclass
 from sleepcast.core.settings import Table, checked_name
 from sleepcast.core.units import LENGTH, NONE, UNITS, Dimension
 from sleepcast.simulator.scenario.robot_settings import LEAST, Supply

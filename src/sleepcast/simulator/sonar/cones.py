@@ -12,7 +12,6 @@ and `kernels_firing` has `look`, bit-identical.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 from math import cos, hypot, inf, pi, sin, tan
 from typing import NamedTuple
@@ -20,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.core.records import dataclass
 from sleepcast.simulator.simd.formulas import sine_cosine
 from sleepcast.simulator.world.grid import CellLists, Floats, Grid, Sorted, Whole, nearest_point, pairs, spread
 from sleepcast.simulator.world.walls import Walls

@@ -7,7 +7,6 @@ integer arithmetic up to the last step. `kernels` has the fast version.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import sqrt
 from typing import NamedTuple
 
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.counter_rng import GOLDEN, mix
+from sleepcast.core.records import dataclass
 from sleepcast.simulator.world.grid import Floats, Whole
 
 QUARTER = 65_536

@@ -14,10 +14,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from xml.parsers import expat
 
+from sleepcast.core.records import dataclass
 from sleepcast.core.settings import SettingsError, read_text
 from sleepcast.simulator.world.fill import encloses, filled, pairs_compared
 from sleepcast.simulator.world.svg import (
@@ -86,7 +86,7 @@ class _Inherited:
     match: which selectors it fits
     """
 
-    matrix: Matrix = Matrix()  # noqa: RUF009  # frozen: nobody can change it
+    matrix: Matrix = Matrix()  # frozen: nobody can change it
     name: str = ""
     fill: str = "black"
     fill_opacity: float = 1.0
@@ -94,7 +94,7 @@ class _Inherited:
     stroke: str = ""
     shown: bool = True
     visible: bool = True
-    match: Match = Match()  # noqa: RUF009  # as above
+    match: Match = Match()  # as above
 
     @property
     def filled(self) -> bool:

@@ -6,12 +6,14 @@ lists the solids near it. Everything here is NumPy; `kernels` has a compiled ver
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import ceil, sqrt
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from sleepcast.core.records import dataclass
 
 Floats = NDArray[np.float64]
 Whole = NDArray[np.int64]

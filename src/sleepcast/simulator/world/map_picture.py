@@ -5,13 +5,13 @@ Pillow reads it, where it is installed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.records import dataclass
 from sleepcast.simulator.world.ros_map import picture
 
 MAX_PNG = 4_194_304

@@ -13,7 +13,6 @@ PyYAML reads the YAML and Pillow the image, where they are installed; no other f
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
 from math import cos, sin
 from pathlib import Path
 from typing import cast
@@ -23,6 +22,7 @@ from numpy.typing import NDArray
 
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.extras import installing
+from sleepcast.core.records import dataclass
 from sleepcast.core.settings import Document, Path_, SettingsError, Table, read_text
 from sleepcast.core.units import LENGTH
 from sleepcast.simulator.world.world import MAX_SOLIDS, Area, Point

@@ -11,9 +11,11 @@ from __future__ import annotations
 import re
 from cmath import phase, rect
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import acos, ceil, comb, cos, isfinite, pi, radians, sin, sqrt, tan
 from typing import NamedTuple
+
+from sleepcast.core.records import dataclass
 
 MAX_NUMBER = 1e9
 """Largest coordinate: beyond it, small details of a drawing are lost to rounding."""

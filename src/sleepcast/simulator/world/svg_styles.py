@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import lru_cache
 from typing import Any, NamedTuple
 
 import tinycss2
 from tinycss2.color4 import parse_color
 
+from sleepcast.core.records import dataclass
 from sleepcast.simulator.world.svg import Matrix, PathError, css_transform, transform
 
 PROPERTIES = (

@@ -8,7 +8,7 @@ or a piece of wall is a stadium without a radius, a circle is one without a leng
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from math import ceil, isfinite
 from types import MappingProxyType
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.records import dataclass
 
 MAX_NAME = 64
 """Characters of the name of a thing in the world."""

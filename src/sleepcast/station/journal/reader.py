@@ -5,9 +5,10 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
+from sleepcast.core.records import dataclass
 from sleepcast.station.journal.file import (
     FiledEntry,
     Predecessor,

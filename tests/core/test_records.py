@@ -1,0 +1,185 @@
+"""Our `dataclass` is Python's in all that can be seen: each class here is made by both, and behaves the same."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import inspect
+import pickle
+from collections.abc import Callable
+from dataclasses import InitVar, field
+from typing import Any, ClassVar, TypeAlias
+
+import pytest
+
+from sleepcast.core import records
+
+Decorator: TypeAlias = Callable[..., Any]
+MADE: dict[str, list[Any]] = {}
+"""Each class as Python makes it, and as we do."""
+
+
+def both(**options: Any) -> Callable[[type], type]:
+    """Make a class in both ways; gives ours."""
+
+    def make(cls: type) -> type:
+        theirs, own = (type(cls.__name__, cls.__bases__, dict(cls.__dict__)) for _ in range(2))
+        MADE[cls.__name__] = [dataclasses.dataclass(theirs, **options), records.dataclass(own, **options)]
+        return MADE[cls.__name__][1]
+
+    return make
+
+
+@both(frozen=True, slots=True)
+class Frozen:
+    """A usual one."""
+
+    first: int
+    second: float = 2.0
+    third: tuple[int, ...] = ()
+    KIND: ClassVar[str] = "k"
+
+
+@both(frozen=True)
+class Open:
+    first: int
+    many: list[int] = field(default_factory=list)
+    hidden: int = field(default=3, repr=False, compare=False)
+    named: int = field(default=4, kw_only=True)
+
+
+@both(slots=True)
+class Changing:
+    first: int
+    made: list[int] = field(init=False, default_factory=lambda: [7])
+    fixed: int = field(init=False, default=5)
+    late: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.late = self.first + 1
+
+
+@both(eq=False)
+class Plain:
+    first: int = 1
+
+
+@both(frozen=True, slots=True)
+class Empty:
+    pass
+
+
+@both(frozen=True)
+class Own:
+    first: int
+    second: int = 2
+
+    def __init__(self, first: int) -> None:
+        object.__setattr__(self, "first", first)
+
+    def __repr__(self) -> str:
+        return "own"
+
+    def __eq__(self, other: object) -> bool:
+        return True
+
+    def __hash__(self) -> int:
+        return 12
+
+
+@both(frozen=True)
+class Comparing:
+    first: int
+
+    def __eq__(self, other: object) -> bool:
+        return True
+
+
+@both(frozen=True, order=True)
+class Ordered:
+    first: int
+
+
+@both()
+class Beginning:
+    first: int
+    start: InitVar[int]
+
+    def __post_init__(self, start: int) -> None:
+        self.first += start
+
+
+def said(work: Callable[[], object]) -> object:
+    """What came out, or what was raised."""
+    try:
+        return work()
+    except Exception as error:
+        return type(error), str(error)
+
+
+TRIED: list[Callable[[Any], object]] = [
+    lambda cls: repr(cls(1)),
+    lambda cls: repr(cls(1, 5)),
+    lambda cls: repr(cls(1, 5, 6, 7, 8)),
+    lambda cls: repr(cls(first=3)),
+    lambda cls: repr(cls(1, named=9)),
+    lambda cls: repr(cls()),
+    lambda cls: repr(cls(nothing=1)),
+    lambda cls: [cls(1) == cls(1), cls(1) == cls(2), cls(1) == 1, cls(1) != cls(1)],
+    lambda cls: hash(cls(1)) == hash(cls(1)) or hash(cls(1)) != hash(cls(2)),
+    lambda cls: hash((1, 2.0, ())) == hash(cls(1)),
+    lambda cls: cls.__hash__ is None,
+    lambda cls: setattr(cls(1), "first", 5),
+    lambda cls: hasattr(cls, "__slots__") or setattr(cls(1), "nothing", 5),
+    lambda cls: delattr(cls(1), "first"),
+    lambda cls: repr(dataclasses.replace(cls(1), first=8)),
+    lambda cls: dataclasses.asdict(cls(1)),
+    lambda cls: [(each.name, each.default, each.type, each.init, each.compare) for each in dataclasses.fields(cls)],
+    lambda cls: str(cls.__dataclass_params__),
+    lambda cls: cls.__match_args__,
+    lambda cls: getattr(cls, "__slots__", None),
+    lambda cls: str(inspect.signature(cls)).replace(repr(dataclasses.MISSING), "<factory>"),
+    lambda cls: repr(copy.copy(cls(1))) + repr(copy.deepcopy(cls(1))),
+    lambda cls: hasattr(cls(1), "__dict__"),
+    lambda cls: cls(1) < cls(2),
+    lambda cls: sorted(name for name, each in vars(cls).items() if inspect.isfunction(each)),
+    lambda cls: cls.__init__.__qualname__ + cls.__init__.__module__,
+    lambda cls: cls.KIND,
+]
+
+
+@pytest.mark.parametrize("tried", TRIED, ids=range(len(TRIED)))
+@pytest.mark.parametrize("name", MADE)
+def test_both_behave_the_same(name: str, tried: Callable[[Any], object]) -> None:
+    theirs, own = MADE[name]
+    assert said(lambda: tried(own)) == said(lambda: tried(theirs))
+
+
+def test_it_holds_itself() -> None:
+    theirs, own = (cls(1, []) for cls in MADE["Open"])
+    for each in (theirs, own):
+        each.many.append(each)
+    assert repr(own) == repr(theirs)
+
+
+def test_it_is_pickled() -> None:
+    thing: Any = Frozen(4, 5.0, (6,))
+    assert pickle.loads(pickle.dumps(thing)) == thing
+    assert thing.__getstate__() == MADE["Frozen"][0](4, 5.0, (6,)).__getstate__()
+
+
+@pytest.mark.parametrize("dataclass", [dataclasses.dataclass, records.dataclass])
+def test_classes_derive_from_it_as_from_python_s(dataclass: Decorator) -> None:
+    base = dataclass(frozen=True)(type("Base", (), {"__annotations__": {"first": "int"}}))
+    with pytest.raises(TypeError, match="non-frozen"):
+        dataclass(type("Derived", (base,), {"__annotations__": {"second": "int"}}))
+    derived = dataclass(frozen=True)(type("Derived", (base,), {"__annotations__": {"second": "int"}}))
+    assert repr(derived(1, 2)) == "Derived(first=1, second=2)"
+    plain = type("Plain", (base,), {})(1)
+    plain.other = 5
+    with pytest.raises(dataclasses.FrozenInstanceError, match="cannot assign to field 'first'"):
+        plain.first = 2
+    with pytest.raises(TypeError, match="__setattr__"):
+        dataclass(frozen=True)(type("Base", (), {"__annotations__": {"a": "int"}, "__setattr__": setattr}))
+    with pytest.raises(TypeError, match="non-default argument 'b' follows default"):
+        dataclass(type("Base", (), {"__annotations__": {"a": "int", "b": "int"}, "a": 1}))

@@ -26,6 +26,7 @@ def start() -> int:
     """Load the command and run it on this process's arguments; gives the exit status."""
     _import_nothing_from_here()
     gc.set_threshold(*_GARBAGE)
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # nothing here multiplies matrices, and threads take time
     ours = [each for each, usual in USUAL.items() if signal.getsignal(each) is usual]
     for each in ours:
         signal.signal(each, lambda number, frame: os._exit(128 + number))

@@ -6,12 +6,16 @@ import os
 import subprocess
 import sys
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from sleepcast.api.assembly import warm_up
+from sleepcast.api.assembly import few_of, warm_up
+from sleepcast.simulator import find_scenario
 from sleepcast.simulator.engine import choose, cores
+from sleepcast.simulator.kernel_warm_up import _note
+from sleepcast.simulator.simd.cached import ENTRIES
 from small_worlds import scouts
 
 SONARS = {"all at once": 'noise = "3%"', "in order": 'noise = "3%"\npause = "4ms"'}
@@ -70,3 +74,43 @@ def test_the_first_start_compiles_in_two_processes(tmp_path: Path) -> None:
     assert compiled["kernels_sonar", "see"] == compiled["kernels", "hear"] == 0
     kept = {file.name.split("-")[1] for file in tmp_path.rglob("kernels/*")}
     assert kept >= {"kernels_motion.propose", "kernels_sonar.see", "kernels.hear"}
+
+
+NOTED = """
+from sleepcast.api import assembly
+from sleepcast.simulator import find_scenario
+from sleepcast.simulator.simd.cached import in_use
+
+lived, assemble = [], assembly.assemble
+assembly.assemble = lambda *settings, **more: lived.append(settings) or assemble(*settings, **more)
+scenario = find_scenario("crowd")
+assembly.warm_up(scenario, 1)
+loaded = set(in_use() or ())
+swarm, _ = assemble(scenario, None, mission=False, threads=1)
+for _ in range(3):
+    swarm.step()
+    swarm.simulator.readings()
+print(len(lived), *sorted(loaded))
+print(*sorted(set(in_use() or ()) - loaded))
+"""
+
+
+def test_another_process_loads_what_was_needed_without_trying_it() -> None:
+    """Once everything is compiled; and no longer if one of the kernels is not there any more."""
+    pytest.importorskip("numba")
+    scenario = few_of(find_scenario("crowd"))
+
+    def ran() -> tuple[int, set[str], str]:
+        done = subprocess.run([sys.executable, "-c", NOTED], capture_output=True, text=True, check=True)
+        first, more = done.stdout.splitlines()
+        lived, *loaded = first.split()
+        return int(lived), set(loaded), more
+
+    ENTRIES.save(_note(scenario, 1), b"sleepcast.simulator.motion.kernels_motion:nobody_has_this")
+    assert ran()[0] == 1
+    ran()  # the first one may have had to compile
+    lived, loaded, more = ran()
+    assert (lived, more) == (0, "")
+    assert {"propose", "commit", "see", "hear"} <= {name.rpartition(":")[2] for name in loaded}
+    assert _note(replace(scenario, seed=7), 1) == _note(scenario, 1)
+    assert len({_note(scenario, 1), _note(scenario, 2), _note(replace(scenario, shapes=()), 1)}) == 3

@@ -30,6 +30,11 @@ def test_on_linux(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     on("linux", monkeypatch)
     share, config, cache = (home / each / "sleepcast" for each in (".local/share", ".config", ".cache"))
     assert (data_folder(), config_folder(), cache_folder()) == (share, config, cache)
+    for elsewhere in ("", str(home / "elsewhere"), "nowhere/whole"):
+        monkeypatch.setenv("XDG_CACHE_HOME", elsewhere)
+        assert cache_folder() == platformdirs.user_cache_path("sleepcast", appauthor=False)
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    assert cache_folder() == platformdirs.user_cache_path("sleepcast", appauthor=False)
 
 
 def test_on_macos(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,17 @@ from sleepcast.language import Vocabulary
 from sleepcast.loop import Swarm, step_swarm, vocabulary_of
 from sleepcast.loop import resume as resume_swarm
 from sleepcast.robot import RobotModel
-from sleepcast.simulator import KERNELS, Payload, Scenario, Simulator, choose, compile_kernels, kernel_count
+from sleepcast.simulator import (
+    KERNELS,
+    Payload,
+    Scenario,
+    Simulator,
+    choose,
+    compile_kernels,
+    keep_kernels,
+    kernel_count,
+    load_kernels,
+)
 from sleepcast.station import Journal, SendPolicy, Station
 from sleepcast.station.station import DESK
 
@@ -129,8 +139,9 @@ _warm = set[tuple[Path, int | None]]()
 
 
 def warm_up(scenario: Scenario, threads: int | None, *, quiet: bool = False) -> None:
-    """Load and compile all that a tick of `scenario` needs, by letting a few robots live in it for a moment; once in a
-    process, since what settings change of it is compiled when it is first needed.
+    """Load and compile all that a tick of `scenario` needs, once in a process, since what settings change of it is
+    compiled when it is first needed. What that is, is seen by letting a few robots live in it for a moment, unless
+    another process has done so.
 
     threads: None is one for each core.
     quiet: whether to print no line that counts the compiled kernels.
@@ -139,6 +150,8 @@ def warm_up(scenario: Scenario, threads: int | None, *, quiet: bool = False) -> 
         return
     _warm.add((scenario.path, threads))
     few = few_of(scenario)
+    if load_kernels(few, threads):
+        return
     with counting("compiling the simulator, once on this computer: kernel", kernel_count, KERNELS, quiet=quiet):
         compile_kernels(few)
         swarm, _ = assemble(few, None, mission=False, threads=threads)
@@ -146,6 +159,7 @@ def warm_up(scenario: Scenario, threads: int | None, *, quiet: bool = False) -> 
             step_swarm(swarm)
             swarm.simulator.readings()
         swarm.step()  # which may be quiet
+    keep_kernels(few, threads)
 
 
 def few_of(scenario: Scenario) -> Scenario:

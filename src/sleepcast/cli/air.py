@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from dataclasses import replace
 from functools import wraps
@@ -89,7 +88,6 @@ def on_air(command: Callable[..., int]) -> Callable[..., int]:
         expect: str | None,
         **others: object,
     ) -> int:
-        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # nothing here multiplies matrices, and threads take time
         return command(air=replace(air, channel=channel, within=within, journal=journal, expect=expect), **others)
 
     return with_channel

@@ -13,7 +13,6 @@ import click
 
 from sleepcast.cli.interrupts import INTERRUPTED, TERMINATED, Interrupts, Terminated, end_now
 from sleepcast.cli.options import SEED, ByteSize, NumberRange, QuantityType, alert_option, allow_host_option
-from sleepcast.cli.prepare import advise
 from sleepcast.cli.streams import announce, put
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.units import TIME
@@ -222,6 +221,8 @@ def _start(name: str | None, headless: bool, options: Options) -> int:
     with Interrupts() as interrupts:
         _refuse_contradictions(headless, options)
         if not options["quiet"]:
+            from sleepcast.cli.prepare import advise
+
             advise()
         recording, snapshot = _recording(options), _snapshot(options)
         if not headless:

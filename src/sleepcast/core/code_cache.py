@@ -10,14 +10,12 @@ Keeping code never fails: what cannot be kept, for want of room or of permission
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
-from secrets import token_hex
 from stat import S_ISDIR, S_ISREG, S_IWGRP, S_IWOTH
 from typing import TYPE_CHECKING
 
@@ -43,12 +41,18 @@ class CodeCache:
     @property
     def folders(self) -> tuple[Path, Path]:
         """Where code is kept, and where else if it cannot be kept there."""
-        other = Path(tempfile.gettempdir()) / f"sleepcast-{os.geteuid()}-{self._kind}"
-        return cache_folder() / self._kind, other
+        first, other = self._each()
+        return first, other
+
+    def _each(self) -> Iterator[Path]:
+        yield cache_folder() / self._kind
+        import tempfile  # which takes a while to load, and is seldom needed
+
+        yield Path(tempfile.gettempdir()) / f"sleepcast-{os.geteuid()}-{self._kind}"
 
     def load(self, name: str) -> bytes | None:
         """The piece of this name; None if there is none."""
-        for folder in self.folders:
+        for folder in self._each():
             with suppress(OSError), _opened(folder) as directory, open(_file(name, directory), "rb") as file:
                 data = file.read(DIGEST + MAX_PIECE)
                 if data[:DIGEST] == _digest(name, data[DIGEST:]):
@@ -59,25 +63,25 @@ class CodeCache:
 
     def holding(self, prefix: str) -> Path | None:
         """The folder with pieces whose names begin so; None if there are none."""
-        for folder in self.folders:
+        for folder in self._each():
             with suppress(OSError), _opened(folder) as directory:
                 if any(name.startswith(prefix) for name in os.listdir(directory)):
                     return folder
         return None
 
     def names(self, prefix: str) -> list[str]:
-        """The names of the pieces that begin so."""
-        found: set[str] = set()
-        for folder in self.folders:
+        """The names of the pieces that begin so, in the first folder that has some."""
+        for folder in self._each():
             with suppress(OSError), _opened(folder) as directory:
-                found.update(name for name in os.listdir(directory) if name.startswith(prefix))
-        return sorted(found)
+                if found := [name for name in os.listdir(directory) if name.startswith(prefix)]:
+                    return sorted(found)
+        return []
 
     def save(self, name: str, data: bytes) -> bool:
         """Keep a piece under this name; gives whether that could be done."""
         if len(data) > MAX_PIECE:
             return False
-        for folder in self.folders:
+        for folder in self._each():
             with suppress(OSError):
                 folder.parent.mkdir(parents=True, exist_ok=True)
                 with suppress(FileExistsError):
@@ -171,7 +175,7 @@ def _digest(name: str, data: bytes) -> bytes:
 
 def _replace(directory: int, name: str, data: bytes) -> None:
     """Let a file of the folder hold this, all of it or nothing."""
-    temporary = f".{token_hex(8)}.new"
+    temporary = f".{os.urandom(8).hex()}.new"
     try:  # from before there is a file: who is interrupted leaves none behind
         file = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600, dir_fd=directory)
         with open(file, "wb") as output:

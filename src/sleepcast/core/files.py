@@ -31,6 +31,8 @@ def config_folder() -> Path:
 
 def cache_folder() -> Path:
     """Where sleepcast keeps what it can make again, by the custom of the system."""
+    if sys.platform == "linux" and not os.environ.keys() & {"XDG_CACHE_HOME", "ANDROID_DATA"}:
+        return Path.home() / ".cache" / NAME  # every run asks, and the library takes a while to load
     import platformdirs
 
     return platformdirs.user_cache_path(NAME, appauthor=False)

@@ -17,7 +17,7 @@ from sleepcast.simulator.bodies.bodies import Bodies, Saying
 from sleepcast.simulator.bodies.body import Body
 from sleepcast.simulator.bodies.payload import Payload
 from sleepcast.simulator.engine import Machine, choose
-from sleepcast.simulator.kernel_warm_up import KERNELS, compile_kernels, kernel_count
+from sleepcast.simulator.kernel_warm_up import KERNELS, compile_kernels, keep_kernels, kernel_count, load_kernels
 from sleepcast.simulator.scenario.mission import MissionError, Order, parse_mission, read_mission
 from sleepcast.simulator.scenario.robot_settings import Supply
 from sleepcast.simulator.scenario.robot_types import later_starts, named_by_starts
@@ -66,10 +66,12 @@ __all__ = [
     "choose",
     "compile_kernels",
     "find_scenario",
+    "keep_kernels",
     "kernel_count",
     "later_starts",
     "limited",
     "load",
+    "load_kernels",
     "named_by_starts",
     "parse_mission",
     "read_limits",

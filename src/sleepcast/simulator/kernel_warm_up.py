@@ -9,16 +9,20 @@ from __future__ import annotations
 
 import gc
 import os
-import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from hashlib import sha256
+from typing import TYPE_CHECKING
 
 from sleepcast.simulator.engine import choose, cores, has_numba
 from sleepcast.simulator.packing import pack, unpack
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.simulation import Simulator
+
+if TYPE_CHECKING:
+    import subprocess
 
 OTHER = f"from {__name__} import run_other_process; run_other_process()"
 """The program of the second process."""
@@ -48,6 +52,8 @@ def compile_kernels(scenario: Scenario) -> None:
 
     if compiled_in():
         return
+    import subprocess
+
     empty = replace(scenario, shapes=(), absent=(), events=())
     with _collector_paused():
         if cores() < 2:
@@ -57,6 +63,39 @@ def compile_kernels(scenario: Scenario) -> None:
         with suppress(OSError, subprocess.TimeoutExpired), _other_process(empty) as other:
             compile_motion_kernels(empty)
             other.wait(PATIENCE)
+
+
+def load_kernels(scenario: Scenario, threads: int | None) -> bool:
+    """Load the kernels that robots of a scenario were seen to need in another process; gives whether that is known, and
+    all of them are compiled. Arguments: those of `keep_kernels`."""
+    if not has_numba():
+        return False
+    from sleepcast.simulator.simd.cached import ENTRIES, load
+
+    names = ENTRIES.load(_note(scenario, threads))
+    return names is not None and all(map(load, names.decode().split()))
+
+
+def keep_kernels(scenario: Scenario, threads: int | None) -> None:
+    """Note for other processes which kernels have been needed here.
+
+    scenario: one with few robots, which have lived in it for a moment.
+    threads: None is one for each core.
+    """
+    if not has_numba():
+        return
+    from sleepcast.simulator.simd.cached import ENTRIES, in_use
+
+    if names := in_use():
+        ENTRIES.save(_note(scenario, threads), " ".join(names).encode())
+
+
+def _note(scenario: Scenario, threads: int | None) -> str:
+    """The name under which it is noted."""
+    from sleepcast.simulator.simd.cached import identity
+
+    about = pack(replace(scenario, seed=0)) + f"{threads or cores()}".encode()
+    return f"{identity()}-needs-{sha256(about).hexdigest()[:16]}"
 
 
 @contextmanager
@@ -75,6 +114,8 @@ def _collector_paused() -> Iterator[None]:
 @contextmanager
 def _other_process(scenario: Scenario) -> Iterator[subprocess.Popen[bytes]]:
     """The second process; it is killed at the end of the block."""
+    import subprocess
+
     command, quiet = [sys.executable, "-P", "-c", OTHER], subprocess.DEVNULL  # -P: import nothing from this folder
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet) as other:
         try:

@@ -10,10 +10,8 @@ starts do; one without a name leaves the robot its number. Whether bodies fit th
 
 from __future__ import annotations
 
-import csv
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from io import StringIO
 from math import ceil, nan, pi, sqrt
 from pathlib import Path
@@ -25,6 +23,7 @@ from numpy.typing import NDArray
 from sleepcast.channel.message import MAX_NAME, is_robot_name
 from sleepcast.core.errors import decimal_comma, did_you_mean
 from sleepcast.core.quantities import shown_value
+from sleepcast.core.records import dataclass
 from sleepcast.core.settings import Document, SettingsError, Table, read_text
 from sleepcast.core.units import LENGTH, UNITS
 from sleepcast.simulator.simd.formulas import rotated, sine_cosine
@@ -107,6 +106,8 @@ def _row(robots: Table, number: int, pose: object) -> Table:
 
 def _rows_of_file(file: Path) -> list[Table]:
     """The poses of a CSV file, whose first line names its columns. Lines that begin with # are comments."""
+    import csv
+
     text = read_text(file, MAX_CSV, "a file of starts")
     lines = csv.reader(StringIO(text, newline=""), strict=True)
     units: dict[str, str] = {}

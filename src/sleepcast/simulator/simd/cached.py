@@ -11,7 +11,8 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from hashlib import sha256
 from importlib import import_module
@@ -141,18 +142,54 @@ class CachedKernels:
     def __getattr__(self, name: str) -> CachedKernel:
         if name.startswith("__"):
             raise AttributeError(name)
-        kernel = CachedKernel(self._module, name)
+        kernel = _kernel(self._module, name)
         setattr(self, name, kernel)
         return kernel
 
 
+@cache
+def _kernel(module: str, name: str) -> CachedKernel:
+    kernel = _KERNELS[f"{module}:{name}"] = CachedKernel(module, name)
+    return kernel
+
+
+_KERNELS: dict[str, CachedKernel] = {}
+"""Those that somebody has asked for in this process."""
+
+
+def in_use() -> list[str] | None:
+    """The kernels that were called in this process; None if not all of them came from the cache."""
+    asked = {name: each.entries for name, each in _KERNELS.items() if each.entries is not None}
+    return list(asked) if all(asked.values()) else None
+
+
+def load(kernel: str) -> bool:
+    """Load a kernel that was `in_use` elsewhere; gives whether the cache has it."""
+    found = _kernel(*kernel.split(":"))
+    if not found._load():
+        found.entries = None  # it was not called yet
+    return found.entries is not None
+
+
 def _entries(module: str, name: str) -> Iterator[Call]:
-    for piece in ENTRIES.names(piece_name(module, name)):
+    prefix = piece_name(module, name)
+    if prefix not in _listed():
+        _listed.cache_clear()  # another process may have compiled it meanwhile
+    for piece in _listed().get(prefix, ()):
         data = ENTRIES.load(piece)
         if data:  # there is nothing in it where numba's own has to be called
             found = msgspec.msgpack.decode(data, type=EntryPiece)
             if all_in_process(found.outside):  # LLVM ends the process over a function that is missing
                 yield linked_entry(found)
+
+
+@cache
+def _listed() -> Mapping[str, Sequence[str]]:
+    """The names of the pieces with entries, of each kernel by what they begin with."""
+    found = defaultdict(list)
+    for name in ENTRIES.names(f"{identity()}-"):
+        found[name[: name.rindex("-") + 1]].append(name)
+    return dict(found)
 
 
 def all_in_process(functions: Sequence[str]) -> bool:

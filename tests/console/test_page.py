@@ -780,6 +780,17 @@ def test_light_and_dark(rovers: Page, context: BrowserContext) -> None:
     assert max(rovers.evaluate(CORNER)[:3]) < 60  # it is dark as well
 
 
+def test_it_opens_with_few_files_and_each_module_once(program: Program, context: BrowserContext) -> None:
+    page = context.new_page()
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto(program.address)
+    await_picture(page)
+    assert len(asked) < 12, asked
+    both = "[(await import('/static/main.js')).page.wire, (await import('/static/wire.js')).Wire]"
+    assert page.evaluate(f"(async () => {{ const [wire, Wire] = {both}; return wire instanceof Wire; }})()")
+
+
 def test_on_a_tablet_stop_stays_in_sight(rovers: Page) -> None:
     rovers.set_viewport_size({"width": 800, "height": 1100})
     rovers.mouse.move(400, 1000)

@@ -34,9 +34,10 @@ from starlette.websockets import WebSocket
 from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver
 from sleepcast.console.incoming import MAX_BYTES
+from sleepcast.console.joining import PageFiles, read, with_joined_styles
 from sleepcast.console.lobby import Greeter, Lobby, LobbyServer, Quiet, protocol_in
 from sleepcast.console.network import FleetOnAir, NetworkBackend
-from sleepcast.console.page_parts import STATIC, Parts, added_parts, with_parts
+from sleepcast.console.page_parts import Parts, added_parts, with_parts
 from sleepcast.console.past import Past
 from sleepcast.console.renewal import RunSwitcher
 from sleepcast.console.replay import ReplayBackend
@@ -377,7 +378,7 @@ def make_app(
     async def front(request: Request) -> Response:
         if not door.knows(request):
             return HTMLResponse(ENTRANCE, 403 if door.is_foreign(request) or "token" in request.query_params else 200)
-        text = with_parts((STATIC / page).read_text("utf-8"), parts)
+        text = with_parts(with_joined_styles(read(page)), parts)
         return Response(text, media_type="text/html")
 
     async def live(socket: WebSocket) -> None:
@@ -395,7 +396,7 @@ def make_app(
         Route("/", front),
         WebSocketRoute("/live", live),
         *(Mount(f"/static/{name}", StaticFiles(directory=part.static)) for name, part in parts),
-        Mount("/static", StaticFiles(directory=STATIC)),
+        Mount("/static", PageFiles()),
         *more,
     ]
     app = Starlette(routes=routes)

@@ -791,6 +791,34 @@ def test_it_opens_with_few_files_and_each_module_once(program: Program, context:
     assert page.evaluate(f"(async () => {{ const [wire, Wire] = {both}; return wire instanceof Wire; }})()")
 
 
+AGAIN = """
+async () => {
+  const { page } = await import("/static/main.js");
+  const again = [];
+  const look = (records) => {
+    for (const { target, removedNodes, addedNodes } of records) {
+      const textOf = (nodes) => [...nodes].map((node) => node.textContent).join();
+      if (textOf(removedNodes) === textOf(addedNodes)) again.push(target.id || target.className);
+    }
+  };
+  const observer = new MutationObserver(look);
+  observer.observe(document.querySelector(".top"), { childList: true, subtree: true });
+  const frames = await new Promise((done) => {
+    let frames = 0;
+    page.wire.addEventListener("frame", () => (frames += 1) === 40 && done(frames));
+  });
+  look(observer.takeRecords());
+  return [frames, again];
+}
+"""
+
+
+def test_what_the_bar_says_is_written_when_it_changes_only(rovers: Page) -> None:
+    """A text that is written again is laid out again, and all that lies over the map is put together again with it: at
+    each of thirty frames a second, though nothing was to be seen."""
+    assert rovers.evaluate(AGAIN) == [40, []]
+
+
 def test_on_a_tablet_stop_stays_in_sight(rovers: Page) -> None:
     rovers.set_viewport_size({"width": 800, "height": 1100})
     rovers.mouse.move(400, 1000)

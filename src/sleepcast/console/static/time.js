@@ -1,6 +1,7 @@
 // Time: run, pause, one tick; how fast it is wanted to run and how fast it does.
 
 import { clock } from "./accounting.js";
+import { write } from "./elements.js";
 
 const FASTEST = 10000; // as fast as possible
 const SPEEDS = [0.5, 1, 2, 5, 10, 30, 60, 100, 300, FASTEST];
@@ -43,12 +44,12 @@ export class Time {
     this.find("run").dataset.running = frame.running;
     this.find("run").dataset.waiting = frame.waiting;
     this.find("run").setAttribute("aria-label", frame.running ? "Pause" : frame.waiting ? "Start" : "Run");
-    this.find("clock").textContent = clock(frame.time);
+    write(this.find("clock"), clock(frame.time));
     const behind = frame.running && !frame.preparing && frame.wanted < FASTEST && frame.achieved < BEHIND * frame.wanted;
     const near = Math.abs(frame.achieved - frame.wanted) < NEAR * frame.wanted;
     const running = `running at ${factor(near ? frame.wanted : frame.achieved)}`;
     this.find("preparing").hidden = !frame.preparing;
-    this.find("achieved").textContent = frame.preparing ? "compiling" : frame.running ? running : frame.waiting ? "not started" : "paused";
+    write(this.find("achieved"), frame.preparing ? "compiling" : frame.running ? running : frame.waiting ? "not started" : "paused");
     this.find("achieved").classList.toggle("behind", behind);
   }
 

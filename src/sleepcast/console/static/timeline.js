@@ -75,8 +75,8 @@ export class Timeline extends EventTarget {
     this.ended = Math.max(began, ended);
     this.strip.setAttribute("aria-valuemin", began.toFixed(2));
     this.strip.setAttribute("aria-valuemax", this.ended.toFixed(2));
-    this.find("from").textContent = clock(began);
-    this.find("until").textContent = clock(this.ended);
+    write(this.find("from"), clock(began));
+    write(this.find("until"), clock(this.ended));
     this.draw();
   }
 

@@ -16,11 +16,11 @@ pytestmark = pytest.mark.browser
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "line_rover"
 
-THEN = """async () => {
+THEN = """async (patience) => {
   const { page } = await import("/static/main.js");
   while (!(page.world.frame?.time > 2)) await new Promise(requestAnimationFrame);
   page.wire.tell("look", { time: 1 });
-  return (await page.wire.ask("line_charge")).rows;
+  return (await page.wire.ask("line_charge", {}, patience)).rows;
 }"""
 """What the pane would ask of a moment of the past."""
 
@@ -46,7 +46,9 @@ def test_the_pane_of_a_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, 
         lines = page.locator(".charge li")
         expect(lines).to_have_count(5)
         expect(lines.first).to_have_text(re.compile(r"\w+: \d+ %"))
-        assert len(page.evaluate(THEN)) == 5, "the process that runs the past again knows the question, too"
+        assert len(page.evaluate(THEN, 1000 * PATIENCE)) == 5, (
+            "the process that runs the past again knows the question, too"
+        )
         assert complaints == []
         program.end()
     assert (

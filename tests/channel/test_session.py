@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import select
 from random import Random
 
 import msgspec
+import pytest
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.admission import ROBOT_KINDS, Admission
@@ -13,7 +15,7 @@ from sleepcast.channel.envelope import MAX_CONTENT, kind_of
 from sleepcast.channel.keys import KeyPair, Trust
 from sleepcast.channel.message import AGAIN, FOR, OTHERS, WITHIN, Role
 from sleepcast.channel.reliable import ReliableDelivery
-from sleepcast.channel.session import MAX_ANSWERED, ChannelSession, Multiplexer, wait_together
+from sleepcast.channel.session import GATHER_FOR, MAX_ANSWERED, ChannelSession, Multiplexer, wait_together
 from sleepcast.channel.transports import open_transport
 from sleepcast.core.clock import ManualClock, UnixClock
 
@@ -254,3 +256,19 @@ def test_an_answer_tells_of_other_robots_of_the_name_where_there_is_room() -> No
     assert first[0][0] == 9
     assert 0.4 < first[0][1] < 0.7
     assert second is None, "the answer itself goes before"
+
+
+@pytest.mark.parametrize(("came", "longer"), [(100, 0.1), (1_000, GATHER_FOR)])
+def test_an_operator_takes_a_flood_at_once(came: int, longer: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What comes together is gathered; in a flood there would soon be no room for it."""
+    desk, waits = Air().desk, list[float]()
+
+    def readable(reads: list[object], writes: object, errors: object, seconds: float) -> tuple[list[object], ...]:
+        waits.append(seconds)
+        return reads, [], []
+
+    monkeypatch.setattr(select, "select", readable)
+    desk.transport.heard += [b"?"] * came
+    desk.pump()
+    desk.listen(1.0, 0.1)
+    assert waits == [1.0, longer]

@@ -21,6 +21,7 @@ from sleepcast.station.asking import ask_why, look_around
 from sleepcast.station.network import ABOVE, NetworkStation
 from sleepcast.station.prepared import ONCE, Terms
 from sleepcast.station.remote import RemoteMinds, TelemetryClient
+from sleepcast.station.roster import Expectation
 from sleepcast.station.staging import Stage, StagedSending, Stages
 from sleepcast.station.validation import MAX_LISTED, AudienceError, SendPolicy
 
@@ -366,6 +367,30 @@ def test_a_wait_whose_time_was_listened_to_already_hears_no_more() -> None:
     assert looked == [until]
 
 
+@pytest.mark.parametrize(
+    ("robots", "threads", "gathers"), [(3, 1, 0.02), (500, 1, 0.05), (3_000, 1, 0.1), (3_000, 2, 0.02)]
+)
+def test_a_desk_looks_as_seldom_as_answers_allow(
+    robots: int, threads: int, gathers: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each look costs; but few robots answer at once, and a STOP of another thread waits for the next look."""
+    scene = Scene()
+    desk = scene.desk(expected=Expectation(size=robots))
+    looks: list[float] = []
+
+    def listen(seconds: float, gather: float) -> None:
+        looks.append(gather)
+        scene.run(seconds)
+
+    monkeypatch.setattr(desk.session, "listen", listen)
+    if threads > 1:
+        desk.between = lambda: None
+    asked = desk.ask("x")
+    desk.gather(asked, 0.5)
+    assert set(looks) == {gathers}
+    assert asked.n_silent == robots - 3
+
+
 def test_what_robots_tell_counts_though_nobody_listened_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
     """`look_around` and `ask_why` ended without having listened once, and said that the robots were silent."""
     scene = Scene(robots=2)
@@ -373,7 +398,7 @@ def test_what_robots_tell_counts_though_nobody_listened_meanwhile(monkeypatch: p
     desk = scene.desk(minds=minds)
     telemetry = TelemetryClient(desk, minds)
     desk.listeners.append(telemetry.hear)
-    monkeypatch.setattr(desk.session, "listen", scene.run)
+    monkeypatch.setattr(desk.session, "listen", lambda seconds, _: scene.run(seconds))
 
     def stand_still_after(name: str) -> None:
         """The desk's process stands still for 3 s after its first call of this."""

@@ -61,9 +61,12 @@ _MAX_REPORTED = 8
 GATHER_FOR = 0.001
 """Seconds to wait after something was received, so that datagrams which arrive close together are handled together: a
 flood does not wake us for each datagram."""
-_GATHER_ANSWERS = 0.02
+GATHER_ANSWERS = 0.02
 """The same for an operator, who has to hear a thousand robots in a second: a person does not see the difference, and
 each waking takes as much time as an answer."""
+_CROWD = 256
+"""Datagrams that come together only in a flood: an operator then takes what comes at once, before there is no room for
+more."""
 _REPORT_EVERY = 1.0
 """Seconds between two such reports."""
 _MAX_HELD = 1_024
@@ -122,6 +125,7 @@ class ChannelSession:
         self._answered = FairTable[str, Message, str](MAX_ANSWERED)
         self._delayed: list[DelayedAnswer] = []
         self._tie = count()
+        self._crowded = False
         if listens:
             delivery.start(clock.now())
 
@@ -147,6 +151,7 @@ class ChannelSession:
     def pump(self) -> bool:
         """Receive, repair, and send what is due; whether anything came."""
         came = self.transport.receive()
+        self._crowded = len(came) > _CROWD
         self._read(came)
         self.tend()
         return bool(came)
@@ -209,16 +214,18 @@ class ChannelSession:
         """Pump for some seconds; a robot that receives STOP stops waiting."""
         wait_together([self], self.transport, seconds, self._clock)
 
-    def listen(self, seconds: float) -> None:
-        """Wait until something has come to an operator, and a little longer for what comes with it, or until something
-        is to be sent: the next copy of a STOP is not to be late. At most so many seconds; nothing is received yet."""
+    def listen(self, seconds: float, gather: float = GATHER_ANSWERS) -> None:
+        """Wait until something has come to an operator, and `gather` s longer for what comes with it, or until
+        something is to be sent: the next copy of a STOP is not to be late. At most so many seconds; nothing is received
+        yet."""
         now = self._clock.now()
         until = min(now + seconds, self.pump_due())
         if until <= now:
             return
         came, _, _ = select.select([self.transport], [], [], until - now)
         if came:
-            select.select([], [], [], max(0.0, min(_GATHER_ANSWERS, until - self._clock.now())))
+            longer = GATHER_FOR if self._crowded else gather
+            select.select([], [], [], max(0.0, min(longer, until - self._clock.now())))
 
     def close(self) -> None:
         """Leave the channel. Nothing can be sent or received afterwards."""

@@ -42,7 +42,7 @@ from sleepcast.channel.message import (
 from sleepcast.channel.message import MATCHED as WOULD
 from sleepcast.channel.message import UNKNOWN as UNSURE
 from sleepcast.channel.name_conflicts import UNDECIDED_FOR
-from sleepcast.channel.session import MAX_SPREAD, ChannelSession
+from sleepcast.channel.session import GATHER_ANSWERS, MAX_SPREAD, ChannelSession
 from sleepcast.columns.values import Mask
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
@@ -83,6 +83,9 @@ FIRST_WITHIN = 0.5
 """Seconds for answers while the roster is empty, as there might be many robots."""
 LEAST_WITHIN = 0.02
 """Seconds for answers at least."""
+LOOKS, MOST_BETWEEN = 10, 0.1
+"""Looks at what has come while robots answer, and s between two of them at most: each takes as much time as ten
+answers. Few robots, who answer at once, are looked at as soon as they can have answered."""
 ABOVE = 10
 """Robots that may obey before a desk asks whether that many are meant."""
 LEASE = 1.0
@@ -445,15 +448,17 @@ class NetworkStation(Station):
             heard += self._listen(left)
         return heard
 
-    def wait_until(self, done: Callable[[], bool], until: float, every: float = LEAST_WITHIN) -> None:
+    def wait_until(
+        self, done: Callable[[], bool], until: float, every: float = LEAST_WITHIN, gather: float = GATHER_ANSWERS
+    ) -> None:
         """Wait until something is so, looking when something has come and every so many seconds, or until everything
-        has been heard that came up to a time (s of Unix time)."""
+        has been heard that came up to a time (s of Unix time). gather: s to wait for what comes with it."""
         while not done() and self.listened < until:
-            self._listen(min(every, until - self._clock.now()))
+            self._listen(min(every, until - self._clock.now()), gather)
 
-    def _listen(self, seconds: float) -> list[Message]:
+    def _listen(self, seconds: float, gather: float = GATHER_ANSWERS) -> list[Message]:
         """Wait until something has come or is due, at most so many seconds, and pump."""
-        self.session.listen(max(0.0, min(seconds, self.due() - self._clock.now())))
+        self.session.listen(max(0.0, min(seconds, self.due() - self._clock.now())), gather)
         heard = self.pump()
         self.between()
         return heard
@@ -461,14 +466,20 @@ class NetworkStation(Station):
     def gather(self, command: Command, patience: float) -> None:
         """Wait until all robots have answered, or the time for answers and `patience` s more are over, or that time is
         over and the roster is empty."""
-        self.wait_until(lambda: not self.awaits(command), self.answered(command) + patience)
+        pace = self._pace(command)
+        self.wait_until(lambda: not self.awaits(command), self.answered(command) + patience, pace, pace)
 
     def settle(self, command: Command, patience: float) -> None:
         """Gather what robots of the same names have to say as well: a name may have answered before another robot that
         has it."""
-        told = self.answered(command) + SETTLE
-        self.wait_until(lambda: self.listened >= told and not self.is_deciding, told + 2.0 * UNDECIDED_FOR)
+        told, pace = self.answered(command) + SETTLE, self._pace(command)
+        self.wait_until(lambda: self.listened >= told and not self.is_deciding, told + 2.0 * UNDECIDED_FOR, pace, pace)
         self.gather(command, patience)
+
+    def _pace(self, command: Command) -> float:
+        """Seconds between two looks at the answers to a command; other threads that use the desk do not wait longer."""
+        longest = MOST_BETWEEN if self.between is _nothing else LEAST_WITHIN
+        return min(longest, max(LEAST_WITHIN, (self.answered(command) - command.message.issued) / LOOKS))
 
     def awaits(self, command: Command) -> bool:
         """Whether a robot may still answer: one is silent, or the roster is empty."""

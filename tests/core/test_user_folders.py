@@ -60,3 +60,19 @@ def test_folders_that_the_environment_names(home: Path, monkeypatch: pytest.Monk
     assert [data_folder(), config_folder(), cache_folder()] == [
         home / name / "sleepcast" for name in ("DATA", "CONFIG", "CACHE")
     ]
+
+
+@pytest.mark.parametrize("said", ["", "  ", "nearby", "~/mine", "/elsewhere/", "/else//where/.."])
+def test_linux_folders_are_those_of_the_library(home: Path, monkeypatch: pytest.MonkeyPatch, said: str) -> None:
+    on("linux", monkeypatch)
+    for name in ("DATA", "CONFIG", "CACHE"):
+        monkeypatch.setenv(f"XDG_{name}_HOME", said)
+    theirs = Unix("sleepcast", appauthor=False)
+    wanted = (theirs.user_data_path, theirs.user_config_path, theirs.user_cache_path)
+    assert (data_folder(), config_folder(), cache_folder()) == wanted
+
+
+def test_without_a_home_folder_the_library_is_asked(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    on("linux", monkeypatch)
+    monkeypatch.setenv("HOME", "nearby")
+    assert data_folder() == Unix("sleepcast", appauthor=False).user_data_path

@@ -13,29 +13,33 @@ NAME = "sleepcast"
 
 def data_folder() -> Path:
     """Where sleepcast keeps a person's own data, by the custom of the system."""
-    import platformdirs
-
-    return platformdirs.user_data_path(NAME, appauthor=False)
+    return _folder("data", ".local/share")
 
 
 def config_folder() -> Path:
     """Where sleepcast keeps a person's settings and keys, by the custom of the system; on macOS where 0.2.0 has put
     them, if they are there."""
-    import platformdirs
-
     before = Path.home() / ".config" / NAME
     if sys.platform == "darwin" and not os.environ.get("XDG_CONFIG_HOME") and before.is_dir():
         return before
-    return platformdirs.user_config_path(NAME, appauthor=False)
+    return _folder("config", ".config")
 
 
 def cache_folder() -> Path:
     """Where sleepcast keeps what it can make again, by the custom of the system."""
-    if sys.platform == "linux" and not os.environ.keys() & {"XDG_CACHE_HOME", "ANDROID_DATA"}:
-        return Path.home() / ".cache" / NAME  # every run asks, and the library takes a while to load
+    return _folder("cache", ".cache")
+
+
+def _folder(kind: str, usual: str) -> Path:
+    """A person's folder of this kind, usually this one in the home folder of a Linux system."""
+    home, said = os.environ.get("HOME", ""), os.environ.get(f"XDG_{kind.upper()}_HOME", "")
+    if sys.platform == "linux" and os.path.isabs(home) and "ANDROID_DATA" not in os.environ:
+        # As the library says, which takes longer to load than a desk needs for all keys and settings.
+        return Path(said if os.path.isabs(said) else f"{home}/{usual}", NAME)
     import platformdirs
 
-    return platformdirs.user_cache_path(NAME, appauthor=False)
+    folder: Path = getattr(platformdirs, f"user_{kind}_path")(NAME, appauthor=False)
+    return folder
 
 
 def open_file(file: Path) -> FileIO:

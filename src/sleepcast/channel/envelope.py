@@ -236,12 +236,8 @@ def plain(body: object, depth: int = MAX_DEPTH) -> bool:
         return type(body) in _SCALARS
     if depth <= 0:
         return False
-    for value in inner:
-        if type(value) in _SCALARS:
-            continue  # as most are; this is done for each message
-        if not plain(value, depth - 1):
-            return False
-    return True
+    nested = [value for value in inner if type(value) not in _SCALARS]  # often none, and this is done for each message
+    return not nested or all(plain(value, depth - 1) for value in nested)
 
 
 def _decoded(data: bytes) -> object:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from typing import Protocol, overload
 
 import msgspec
@@ -327,7 +328,8 @@ class NameIndex(Sequence[str]):
 _NUMBERS = re.compile(r"(\d+)")
 
 
-def natural_order(name: str) -> list[tuple[int, str]]:
-    """A sort key by which r2 comes before r10."""
+@lru_cache(maxsize=4_096)
+def natural_order(name: str) -> tuple[tuple[int, str], ...]:
+    """A sort key by which r2 comes before r10; an account sorts the same names several times."""
     parts = _NUMBERS.split(name)
-    return [(int(part[:18]) if at % 2 else 0, part) for at, part in enumerate(parts)]
+    return tuple([(int(part[:18]) if at % 2 else 0, part) for at, part in enumerate(parts)])

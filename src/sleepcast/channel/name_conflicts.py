@@ -127,8 +127,9 @@ class NameConflicts:
                 self._take(sender, message.epoch, message.issued, now, address, message.key)
         elif message.kind not in (Kind.DIGEST, Kind.REQUEST):  # those may be of a receiver, which is no robot
             self._take(sender, message.epoch, message.issued, now, address, message.key)
-            for epoch, heard in _others(body, now):
-                self._hear_of(sender, message.epoch, epoch, heard, now, message.key)
+            if OTHERS in body:
+                for epoch, heard in _others(body[OTHERS], now):
+                    self._hear_of(sender, message.epoch, epoch, heard, now, message.key)
         if message.kind is Kind.DIGEST and NAMES in body:
             for name, epoch in _spoken(body[NAMES]):
                 if owns(name) and (not self.own or name in self.own):
@@ -340,10 +341,9 @@ def _alike(holders_of: Mapping[str, Sequence[Holder]]) -> Iterator[tuple[list[st
 # ---- fields of bodies
 
 
-def _others(body: Mapping[str, object], now: float) -> Iterator[tuple[int, float]]:
+def _others(listed: object, now: float) -> Iterator[tuple[int, float]]:
     """The other robots of its name that a robot tells of: epochs, and when each was heard; malformed ones are left
     out."""
-    listed = body.get(OTHERS)
     for each in listed[:MAX_HOLDERS] if isinstance(listed, list) else ():
         match each:
             case [int() as epoch, (int() | float()) as ago] if epoch >= 0 and isfinite(ago) and 0.0 <= ago <= LASTS:

@@ -198,7 +198,7 @@ def _units(vocabulary: Vocabulary) -> tuple[str, str]:
     return unit_of("speed", vocabulary) or "m/s", unit_of("x", vocabulary) or "m"
 
 
-def _by_name(moving: tuple[str, float, float]) -> list[tuple[int, str]]:
+def _by_name(moving: tuple[str, float, float]) -> tuple[tuple[int, str], ...]:
     return natural_order(moving[0])
 
 

@@ -13,11 +13,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field, replace
 from hashlib import sha256
+from secrets import token_bytes
 from types import MappingProxyType
 
-from nacl.bindings import crypto_sign_BYTES, crypto_sign_open
+from nacl.bindings import crypto_sign, crypto_sign_BYTES, crypto_sign_open, crypto_sign_seed_keypair
 from nacl.exceptions import BadSignatureError
-from nacl.signing import SigningKey
 
 from sleepcast.channel.message import KEYS, MAX_NAME, Kind, Message, Role
 from sleepcast.core.errors import MisuseError, did_you_mean
@@ -106,18 +106,18 @@ class KeyPair:
         if len(seed) != _SEED_BYTES:
             raise KeyRefusal(f"the secret half of a key has {_SEED_BYTES} bytes, this one of {owner!r} {len(seed)}")
         self.seed = seed
-        self._secret = SigningKey(seed)
-        self.public = PublicKey(owner, role, bytes(self._secret.verify_key))
+        public, self._secret = crypto_sign_seed_keypair(seed)
+        self.public = PublicKey(owner, role, public)
         self.id = self.public.id
 
     @staticmethod
     def new(owner: str, role: Role) -> KeyPair:
         """A new random key."""
-        return KeyPair(owner, role, bytes(SigningKey.generate()))
+        return KeyPair(owner, role, token_bytes(_SEED_BYTES))
 
     def sign(self, content: bytes) -> bytes:
         """The signature of `content`, 64 bytes."""
-        return self._secret.sign(content).signature
+        return crypto_sign(content, self._secret)[:SIGNATURE_BYTES]
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from sleepcast.api.assembly import assemble
 from sleepcast.core.errors import MisuseError
 from sleepcast.importing import READERS, read_foreign
 from sleepcast.importing.folder import write_folder
-from sleepcast.importing.found import Found, Outline, Round
+from sleepcast.importing.found import Disc, Found, Outline
 from sleepcast.simulator import find_scenario
 from sleepcast.simulator.scenario.scenario import Scenario
 
@@ -145,7 +145,7 @@ def test_obstacles_by_chance_are_the_same_each_time(tmp_path: Path) -> None:
     (tmp_path / "chance.argos").write_text(text)
     first, second = read_foreign(tmp_path / "chance.argos"), read_foreign(tmp_path / "chance.argos")
     assert first.solids == second.solids
-    assert len({each.center for each in first.solids if isinstance(each, Round)}) == 5
+    assert len({each.center for each in first.solids if isinstance(each, Disc)}) == 5
 
 
 def test_a_world_of_stage(imported: Import, tmp_path: Path) -> None:

@@ -16,7 +16,8 @@ from xml.parsers import expat
 import numpy as np
 
 from sleepcast.core.settings import SettingsError, read_text
-from sleepcast.importing.found import Found, Frame, Hardware, Outline, Point, Pose, Robots, Round, rectangle
+from sleepcast.importing.found import Disc, Found, Frame, Hardware, RobotsOfType, Outline, Point, rectangle
+from sleepcast.simulator.scenario.starts import StartPose
 
 MAX_FILE = 4 * 1_048_576
 """Bytes of an experiment: those of people have some thousand."""
@@ -156,7 +157,7 @@ class _Experiment:
             self._solid(each, frame, height)
         elif each.first("controller") is not None:
             robots = self._robots_like(each.tag)
-            robots.poses.append(Pose(frame.x, frame.y, frame.turn if turned else None, each.values.get("id", "")))
+            robots.poses.append(StartPose(frame.x, frame.y, frame.turn if turned else None, each.values.get("id", "")))
             if height > OTHER:
                 self.found.leave_out(f"<{each.tag}> above the ground", "robots drive in a plane here")
         else:
@@ -169,16 +170,16 @@ class _Experiment:
         if height > 2.0 * OTHER:
             self.found.leave_out(f"<{each.tag}> above the ground", "it would be over robots' heads")
         elif each.tag == "cylinder":
-            self.found.solids.append(Round((frame.x, frame.y), self._number(each, "radius")))
+            self.found.solids.append(Disc((frame.x, frame.y), self._number(each, "radius")))
         else:
             width, depth, _ = self._vector(each, "size", 3)
             self.found.solids.append(Outline(rectangle(frame, width, depth)))
 
-    def _robots_like(self, tag: str) -> Robots:
+    def _robots_like(self, tag: str) -> RobotsOfType:
         """The robots of a kind that are placed one by one."""
         robots = next((each for each in self.found.robots if each.type == tag and each.poses), None)
         if robots is None:
-            robots = Robots(tag, self._hardware(tag))
+            robots = RobotsOfType(tag, self._hardware(tag))
             self.found.robots.append(robots)
         return robots
 
@@ -206,7 +207,7 @@ class _Experiment:
             if self._turn(each.first("orientation")) is not None:
                 self.found.leave_out("headings of robots by chance", "these robots start with headings by chance, too")
             self.found.robots.append(
-                Robots(thing.tag, self._hardware(thing.tag), count=count, box=self._box(position, method))
+                RobotsOfType(thing.tag, self._hardware(thing.tag), count=count, box=self._box(position, method))
             )
             return
         turn = self._turn(each.first("orientation"))
@@ -265,7 +266,7 @@ class _Experiment:
     def _scattered(self, thing: Element, box: tuple[Point, Point], count: int) -> Iterator[Point]:
         """Places by chance, apart from each other and from what stands there already where there is room."""
         radius = self._half(thing)
-        taken = [(each.center, each.radius) for each in self.found.solids if isinstance(each, Round)]
+        taken = [(each.center, each.radius) for each in self.found.solids if isinstance(each, Disc)]
         for _ in range(count):
             for _ in range(TRIES):
                 x, y = (float(self._chance.uniform(a, b)) for a, b in zip(*box, strict=True))

@@ -12,7 +12,8 @@ from typing import Any
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.extras import installing
 from sleepcast.core.settings import SettingsError, read_text
-from sleepcast.importing.found import Found, Hardware, Pose, Robots
+from sleepcast.importing.found import Found, Hardware, RobotsOfType
+from sleepcast.simulator.scenario.starts import StartPose
 
 MAX_FILE = 1_048_576
 MAX_ROBOTS = 1_000
@@ -65,9 +66,9 @@ def _add(path: Path, found: Found, name: str, settings: object) -> None:
     kind = str(settings.get("type", "crazyflie"))
     same = next((each for each in found.robots if each.type == kind), None)
     if same is None:
-        same = Robots(kind, CRAZYFLIE)
+        same = RobotsOfType(kind, CRAZYFLIE)
         found.robots.append(same)
-    same.poses.append(Pose(float(place[0]), float(place[1]), 0.0, name))
+    same.poses.append(StartPose(float(place[0]), float(place[1]), 0.0, name))
     for key in sorted({str(key) for key in settings} - {"enabled", "initial_position", "type"}):
         found.leave_out(key, "is for the real one")
 

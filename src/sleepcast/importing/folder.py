@@ -20,7 +20,8 @@ from tempfile import mkdtemp
 from sleepcast.channel.message import is_robot_name
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.extras import installing
-from sleepcast.importing.found import Cells, Found, Point, Pose, Robots, Round, bounds
+from sleepcast.importing.found import Bitmap, Disc, Found, RobotsOfType, Point, bounds
+from sleepcast.simulator.scenario.starts import StartPose
 
 MAX_TYPES = 8
 MAX_FILE = 1_048_576
@@ -55,10 +56,12 @@ def _settle_robots(found: Found) -> None:
         found.leave_out("robots", "the file has none; one Scout stands for them")
     if len(found.robots) <= MAX_TYPES:
         return
-    joined: dict[object, Robots] = {}
+    joined: dict[object, RobotsOfType] = {}
     for each in found.robots:
         key = each.hardware if each.poses else id(each)
-        joined.setdefault(key, Robots(each.type, each.hardware, [], each.count, each.box)).poses.extend(each.poses)
+        joined.setdefault(key, RobotsOfType(each.type, each.hardware, [], each.count, each.box)).poses.extend(
+            each.poses
+        )
     by_number = sorted(joined.values(), key=lambda each: -(len(each.poses) or each.count))
     found.leave_out(
         f"{len(found.robots)} types of robots", f"those with equal bodies are one; a scenario has {MAX_TYPES}"
@@ -96,7 +99,7 @@ def _files(found: Found) -> dict[str, bytes]:
     return files
 
 
-def _picture(cells: Cells) -> bytes:
+def _picture(cells: Bitmap) -> bytes:
     try:
         from PIL import Image
     except ImportError:
@@ -108,7 +111,7 @@ def _picture(cells: Cells) -> bytes:
         return written.getvalue()
 
 
-def _map_yaml(cells: Cells) -> str:
+def _map_yaml(cells: Bitmap) -> str:
     # The map's own 0, 0 is the corner of its picture; the scenario says where that lies.
     return (
         f"image: map.png\nresolution: {cells.cell!r}\norigin: [0, 0, {cells.corner.turn!r}]\n"
@@ -163,7 +166,7 @@ class _Text:
             corner = self._point((cells.corner.x, cells.corner.y))
             yield from ("", "[world.map]", 'file = "map.yaml"', f"zero = {corner}")
         for each in self._found.solids:
-            if isinstance(each, Round):
+            if isinstance(each, Disc):
                 yield from (
                     "",
                     "[[world.circles]]",
@@ -182,7 +185,7 @@ class _Text:
             yield from ("", f"[lights.{self._name(name)}]", *self._xy(point))
         for name, area in self._found.areas.items():
             yield from ("", f"[areas.{self._name(name)}]")
-            if isinstance(area, Round):
+            if isinstance(area, Disc):
                 yield from (f"center = {self._point(area.center)}", f'radius = "{_number(area.radius)}m"')
             else:
                 yield f"corners = [{', '.join(map(self._point, area))}]"
@@ -197,12 +200,12 @@ class _Text:
         for robots in kinds:
             yield from ("", head, *self._robot_type(robots, names), *_hardware(robots, many=len(kinds) > 1))
 
-    def _robot_names(self, kinds: list[Robots]) -> set[str]:
+    def _robot_names(self, kinds: list[RobotsOfType]) -> set[str]:
         """The names that poses may have: each robot's own, and none that a robot without a name would get."""
         named = [pose.name for robots in kinds for pose in robots.poses]
         return {name for name in named if named.count(name) == 1 and is_robot_name(name)}
 
-    def _robot_type(self, robots: Robots, names: set[str]) -> Iterator[str]:
+    def _robot_type(self, robots: RobotsOfType, names: set[str]) -> Iterator[str]:
         yield f'type = "{self._name(robots.type)}"'
         yield 'motion = "still"'
         if robots.poses:
@@ -216,11 +219,11 @@ class _Text:
             for axis, least, most, low in (("x", left, right, self._low[0]), ("y", bottom, top, self._low[1])):
                 yield f'{axis} = ["{_number(least - low)}m", "{_number(most - low)}m"]'
 
-    def _pose(self, pose: Pose, names: set[str]) -> str:
+    def _pose(self, pose: StartPose, names: set[str]) -> str:
         x, y = pose.x - self._low[0], pose.y - self._low[1]
         parts = [f'x = "{_number(x)}m"', f'y = "{_number(y)}m"']
-        if pose.turn is not None:
-            parts.append(f'heading = "{_number(degrees(pose.turn))}deg"')
+        if pose.heading is not None:
+            parts.append(f'heading = "{_number(degrees(pose.heading))}deg"')
         if pose.name in names:
             parts.append(f"name = {_quoted(pose.name)}")
         return "{ " + ", ".join(parts) + " }"
@@ -243,7 +246,7 @@ class _Text:
         yield f'y = "{_number(point[1] - self._low[1])}m"'
 
 
-def _hardware(robots: Robots, *, many: bool) -> Iterator[str]:
+def _hardware(robots: RobotsOfType, *, many: bool) -> Iterator[str]:
     """What the bodies of a type can do."""
     hardware, dot = robots.hardware, "robots."
     yield from ("", f"[{dot}limits]", f'speed = "{_number(hardware.speed)}m/s"')

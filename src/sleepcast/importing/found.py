@@ -14,6 +14,8 @@ from math import cos, sin
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.simulator.scenario.starts import StartPose
+
 Point = tuple[float, float]
 
 
@@ -53,7 +55,7 @@ class Outline:
 
 
 @dataclass(frozen=True, slots=True)
-class Round:
+class Disc:
     """A disc."""
 
     center: Point
@@ -61,7 +63,7 @@ class Round:
 
 
 @dataclass(frozen=True, slots=True)
-class Cells:
+class Bitmap:
     """Solid cells of a picture: shape (rows, columns), bottom row first; size of a cell; lower left corner and turn."""
 
     solid: NDArray[np.bool_]
@@ -72,16 +74,6 @@ class Cells:
         """The four corners of the picture."""
         rows, columns = self.solid.shape
         return [self.corner.at((x * self.cell, y * self.cell)) for x in (0, columns) for y in (0, rows)]
-
-
-@dataclass(frozen=True, slots=True)
-class Pose:
-    """Where a robot starts. turn: None for a heading by chance; name: "" for its number."""
-
-    x: float
-    y: float
-    turn: float | None = None
-    name: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,12 +90,12 @@ class Hardware:
 
 
 @dataclass(slots=True)
-class Robots:
+class RobotsOfType:
     """Robots of one type: their poses, or a count of them by chance within `box` (lower left, upper right corner)."""
 
     type: str
     hardware: Hardware
-    poses: list[Pose] = field(default_factory=list)
+    poses: list[StartPose] = field(default_factory=list)
     count: int = 0
     box: tuple[Point, Point] | None = None
 
@@ -121,11 +113,11 @@ class Found:
     tick: float = 0.1
     seed: int = 0
     reach: float = 0.0
-    solids: list[Outline | Round] = field(default_factory=list)
-    cells: Cells | None = None
-    robots: list[Robots] = field(default_factory=list)
+    solids: list[Outline | Disc] = field(default_factory=list)
+    cells: Bitmap | None = None
+    robots: list[RobotsOfType] = field(default_factory=list)
     places: dict[str, tuple[Point, str]] = field(default_factory=dict)
-    areas: dict[str, tuple[Point, ...] | Round] = field(default_factory=dict)
+    areas: dict[str, tuple[Point, ...] | Disc] = field(default_factory=dict)
     lights: dict[str, Point] = field(default_factory=dict)
     route: list[str] = field(default_factory=list)
     notes: Counter[tuple[str, str]] = field(default_factory=Counter)
@@ -142,13 +134,13 @@ class Found:
         """Points that the world must hold: solid things, robots, places, areas and lights."""
         found: list[Point] = [] if self.cells is None else self.cells.corners()
         for each in [*self.solids, *self.areas.values()]:
-            found += _around(each) if isinstance(each, Round) else each.corners if isinstance(each, Outline) else each
+            found += _around(each) if isinstance(each, Disc) else each.corners if isinstance(each, Outline) else each
         for robots in self.robots:
             found += [(pose.x, pose.y) for pose in robots.poses] + list(robots.box or ())
         return [*found, *(point for point, _ in self.places.values()), *self.lights.values()]
 
 
-def _around(disc: Round) -> Sequence[Point]:
+def _around(disc: Disc) -> Sequence[Point]:
     (x, y), r = disc.center, disc.radius
     return (x - r, y - r), (x + r, y + r)
 

@@ -13,7 +13,8 @@ from pathlib import Path
 
 from sleepcast.core.geodesy import FARTHEST, LocalMap, Origin
 from sleepcast.core.settings import SettingsError, read_text
-from sleepcast.importing.found import Found, Hardware, Point, Pose, Robots, Round
+from sleepcast.importing.found import Disc, Found, Hardware, RobotsOfType, Point
+from sleepcast.simulator.scenario.starts import StartPose
 
 MAX_FILE = 16 * 1_048_576
 MAX_ITEMS = 100_000
@@ -181,7 +182,7 @@ class _Mission:
         about = f"Imported from {path.name}, {what}. Home is at {origin.latitude:.7f},{origin.longitude:.7f}."
         self.found = Found(path.stem, about, margin=ROOM)
         name, hardware = kind
-        self.found.robots.append(Robots(name, hardware, [Pose(0.0, 0.0, 0.0, f"{name}1")]))
+        self.found.robots.append(RobotsOfType(name, hardware, [StartPose(0.0, 0.0, 0.0, f"{name}1")]))
         self.found.places["home"] = (0.0, 0.0), "home"
 
     def place(self, name: str, title: str, at: Point) -> bool:
@@ -246,11 +247,11 @@ class _Mission:
     def _circle(self, center: Point | None, radius: object, inside: bool) -> None:
         point = self._map.metres(*center) if center else None
         if point and isinstance(radius, int | float) and 0.0 < radius < FARTHEST:
-            self._area(Round(point, float(radius)), inside)
+            self._area(Disc(point, float(radius)), inside)
         else:
             self.found.leave_out("a round fence without centre or radius", "nobody knows where it is")
 
-    def _area(self, area: tuple[Point, ...] | Round, inside: bool) -> None:
+    def _area(self, area: tuple[Point, ...] | Disc, inside: bool) -> None:
         if len(self.found.areas) == MAX_AREAS:
             self.found.leave_out("further fences", f"a scenario has {MAX_AREAS} areas")
             return

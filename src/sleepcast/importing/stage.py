@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.settings import SettingsError, read_text
-from sleepcast.importing.found import Cells, Found, Frame, Hardware, Outline, Point, Pose, Robots, bounds, rectangle
+from sleepcast.importing.found import Bitmap, Found, Frame, Hardware, RobotsOfType, Outline, Point, bounds, rectangle
+from sleepcast.simulator.scenario.starts import StartPose
 from sleepcast.simulator.world.ros_map import MAX_PIXELS, contours, picture
 
 MAX_FILE = 4 * 1_048_576
@@ -56,7 +57,7 @@ class Model:
     parts: list[Model] = field(default_factory=list)
 
 
-class _Reader:
+class _StageReader:
     """Reads a world and what it includes into models, whose bases are looked up afterwards."""
 
     def __init__(self, found: Found) -> None:
@@ -159,7 +160,7 @@ class _Reader:
 def read_stage(path: Path) -> Found:
     """A world of Stage. Raises SettingsError with file and line."""
     found = Found(path.stem, f"Imported from {path.name}, a world of Stage.")
-    reader = _Reader(found)
+    reader = _StageReader(found)
     reader.read(path)
     world = _World(found, reader)
     for each in reader.root.parts:
@@ -172,7 +173,7 @@ def read_stage(path: Path) -> Found:
 class _World:
     """Puts models where they stand."""
 
-    def __init__(self, found: Found, reader: _Reader) -> None:
+    def __init__(self, found: Found, reader: _StageReader) -> None:
         self._found, self._bases, self._count = found, reader.bases, 0
         units = reader.root.values
         self._metre = {"cm": 0.01, "mm": 0.001}.get(str(units.get("unit_length", "m")), 1.0)
@@ -246,9 +247,9 @@ class _World:
             (each for each in self._found.robots if (each.type, each.hardware) == (written.base, hardware)), None
         )
         if same is None:
-            same = Robots(written.base, hardware)
+            same = RobotsOfType(written.base, hardware)
             self._found.robots.append(same)
-        same.poses.append(Pose(frame.x, frame.y, frame.turn, str(model.values.get("name", ""))))
+        same.poses.append(StartPose(frame.x, frame.y, frame.turn, str(model.values.get("name", ""))))
         if "ctrl" in model.values:
             self._found.leave_out(f"ctrl {model.values['ctrl']!s:.40}", "a program: write what robots do as rules")
         for part in model.parts:
@@ -334,7 +335,7 @@ def _stretched(blocks: list[list[Point]], frame: Frame, width: float, height: fl
     return [Outline(tuple(map(moved, block))) for block in blocks]
 
 
-def _cells(dark: NDArray[np.bool_], frame: Frame, size: Point) -> Cells:
+def _cells(dark: NDArray[np.bool_], frame: Frame, size: Point) -> Bitmap:
     """The dark part of a picture as square cells. dark: top row first; size: width and height of that part, m."""
     rows, columns = np.flatnonzero(dark.any(axis=1)), np.flatnonzero(dark.any(axis=0))
     solid = dark[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1][::-1]
@@ -346,4 +347,4 @@ def _cells(dark: NDArray[np.bool_], frame: Frame, size: Point) -> Cells:
         )
     across, up = (np.arange(wide) * solid.shape[1] // wide), (np.arange(high) * solid.shape[0] // high)
     corner = Frame(*frame.at((-size[0] / 2.0, -size[1] / 2.0)), frame.turn)
-    return Cells(solid[np.ix_(up, across)], cell, corner)
+    return Bitmap(solid[np.ix_(up, across)], cell, corner)

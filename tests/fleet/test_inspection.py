@@ -202,7 +202,7 @@ def test_all_is_copied_in_one_go_as_it_is_one_by_one(start: int) -> None:
     chance, size = Random(start), 5
     there, together, apart = (ValueColumns(size, [nan] * 4) for _ in range(3))
     everybody = Rows.run(0, size)
-    there.share(3, np.arange(10.0)[::2])
+    there.share(3, np.arange(10.0)[None, ::2])
     for _ in range(6):
         for _ in range(chance.randrange(4)):
             slot = chance.choice((0, 1, 2, 4, 6))

@@ -54,7 +54,7 @@ def called(swarm: Swarm) -> set[str]:
     """The functions that sense and that native code of this swarm calls."""
     kernels = swarm.fleet.kernels
     assert kernels
-    plans = kernels._of_mind.values()
+    plans = kernels._plans.values()
     writers = [leg.kernel for plan in plans for leg in plan.legs if leg.kernel]
     return {name for kernel in writers for name in kernel.functions}
 

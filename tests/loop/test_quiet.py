@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from math import inf
+from threading import Thread
 
 import pytest
 from hypothesis import given, settings
@@ -16,7 +17,7 @@ from sleepcast.fleet.native.kernels import SequencePlan
 from sleepcast.loop import Swarm, snapshot, step_swarm
 from sleepcast.loop.quiet import QuietTicks
 from sleepcast.simulator import Changes, Scenario, Simulator, choose, find_scenario, scenario_names
-from sleepcast.simulator.quiet.blocks import WorldTable
+from sleepcast.simulator.quiet.blocks import BodyBlock, WorldTable
 from sleepcast.station import JournalEvent
 from swarms import desk_of, drive, station_of, swarm_of
 
@@ -262,13 +263,13 @@ def test_telemetry_that_nobody_has_to_see_ends_no_call(monkeypatch: pytest.Monke
         how(swarm, 43)
         return snapshot(swarm)
 
-    calls, make = list[object](), WorldTable.make
+    calls, make = list[object](), BodyBlock.make
 
-    def counted(table: WorldTable, which: Sequence[int]) -> None:
-        calls.append(which)
-        make(table, which)
+    def counted(block: BodyBlock) -> None:
+        calls.append(block)
+        make(block)
 
-    monkeypatch.setattr(WorldTable, "make", counted)
+    monkeypatch.setattr(BodyBlock, "make", counted)
     for stops in (False, True):
         quiet = told(at_once, stops=stops)
         assert len(calls) > 4 if stops else len(calls) == 1
@@ -291,21 +292,42 @@ def test_a_snapshot_does_not_depend_on_when_native_code_was_ready() -> None:
     assert told(at_once) == told(walked)
 
 
+def test_worlds_have_the_scratch_memory_of_the_thread_that_steps_them() -> None:
+    here, there, larger, expected = (swarm_of(few("crowd", robots), 3, 1) for robots in (9, 9, 20, 9))
+    for swarm in (here, there, larger):
+        at_once(swarm, 10)
+        at_once(here, 10)
+        at_once(there, 10)
+        block, beside = here.quiet.block, there.quiet.block
+        assert block is not None
+        assert beside is not None
+        assert block.scratch is beside.scratch
+        other = Thread(target=at_once, args=(here, 10))
+        other.start()
+        other.join()
+        assert block.scratch is not beside.scratch
+    singly(expected, here.simulator.tick)
+    assert snapshot(here) == snapshot(expected)
+
+
 @pytest.mark.parametrize("early", [False, True])
 def test_ctrl_c_ends_a_call_between_two_ticks(monkeypatch: pytest.MonkeyPatch, early: bool) -> None:
     """It waits for compiled code, so that is where it comes nearly always."""
-    made = WorldTable.make
 
-    def interrupted(table: WorldTable, which: Sequence[int]) -> None:
-        if not early:
-            made(table, which)
-        raise KeyboardInterrupt
+    def interrupting(made: Callable[..., None]) -> Callable[..., None]:
+        def interrupted(*given: object) -> None:
+            if not early:
+                made(*given)
+            raise KeyboardInterrupt
+
+        return interrupted
 
     alone, together, expected = (swarm_of(few("crowd", 9), 3, 1) for _ in range(3))
     for swarm in (alone, together, expected):
         at_once(swarm, 13)
     with monkeypatch.context() as patch:
-        patch.setattr(WorldTable, "make", interrupted)
+        patch.setattr(WorldTable, "make", interrupting(WorldTable.make))
+        patch.setattr(BodyBlock, "make", interrupting(BodyBlock.make))
         with pytest.raises(KeyboardInterrupt):
             alone.advance(5)
         with pytest.raises(KeyboardInterrupt):

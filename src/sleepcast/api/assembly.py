@@ -40,6 +40,8 @@ class Common:
     def __init__(self, scenario: Scenario) -> None:
         self._alike = _anywhere(scenario)
         self._first: Vocabulary | None = None
+        self.model: RobotModel | None = None
+        """Of the robots, once there are some."""
 
     def suits(self, scenario: Scenario) -> bool:
         """Whether this is for the swarms of a scenario."""
@@ -48,7 +50,7 @@ class Common:
     def vocabulary_of(self, model: RobotModel) -> Vocabulary:
         """The vocabulary of the next swarm, whose robots are of this model."""
         if self._first is None:
-            self._first = vocabulary_of(model)
+            self.model, self._first = model, vocabulary_of(model)
         return self._first.anew()
 
 
@@ -76,8 +78,10 @@ def assemble(
     payload: what a program adds to the bodies.
     common: what it has in common with others; None for nothing, as with a payload, whose functions are of its objects.
     """
-    simulator = Simulator(scenario, seed, threads=threads, payload=payload)
-    names = None if common is None or payload else common.vocabulary_of(simulator.model)
+    common = None if payload else common
+    model = None if common is None else common.model
+    simulator = Simulator(scenario, seed, threads=threads, payload=payload, model=model)
+    names = None if common is None else common.vocabulary_of(simulator.model)
     swarm = Swarm(simulator, scenario.mission if mission else (), names)
     station = station_of(swarm, journal)
     swarm.desk = station

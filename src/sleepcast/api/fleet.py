@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import closing
+from functools import cached_property
 from math import isfinite
 from os import PathLike, fspath
 from pathlib import Path
@@ -54,8 +55,6 @@ class SimulatedFleet(Fleet):
         """`FleetState.turns`, what the checker said of expressions then, and what is raised for them."""
         self._inputs: InputLog | None = None
         """All that came from outside since the start; None for a fleet whose start nobody saw."""
-        scenario = swarm.simulator.scenario
-        self._mission = MissionLog(scenario.mission, swarm.commands, scenario.tick, swarm.given, station.operator)
         self._recording: RunRecording | None = None
 
     def _watch_inputs(self) -> None:
@@ -140,6 +139,12 @@ class SimulatedFleet(Fleet):
         return cast("list[Command]", self.swarm.commands())
 
     # ---- the mission
+
+    @cached_property
+    def _mission(self) -> MissionLog:
+        """What was sent of the mission, for whoever asks."""
+        swarm, scenario = self.swarm, self.swarm.simulator.scenario
+        return MissionLog(scenario.mission, swarm.commands, scenario.tick, swarm.given, self.station.operator)
 
     @property
     def mission(self) -> Mission:
@@ -260,7 +265,7 @@ class SimulatedFleet(Fleet):
             )
         for each in expressions:
             self[each]  # what is wrong with it is said now
-        history = History(tuple(self.names), expressions, every)
+        history = History(self.names, expressions, every)
         with self._turn():
             self._sample(history)
             self._histories.append((Every(every, tick), history))

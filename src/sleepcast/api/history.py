@@ -23,9 +23,14 @@ class History:
     """
 
     def __init__(self, names: Sequence[str], expressions: Sequence[str], every: float) -> None:
-        self.names, self.expressions, self.every = tuple(names), tuple(expressions), every
+        self._names, self.expressions, self.every = names, tuple(expressions), every
         self._times: list[float] = []
-        self._samples: list[NDArray[np.float64]] = []
+        self._samples: list[bytes] = []
+        """Of each sample its values, expression by expression."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(self._names)
 
     @property
     def times(self) -> NDArray[np.float64]:
@@ -43,8 +48,10 @@ class History:
                 f'"{expression}" is not sampled{did_you_mean(expression, self.expressions)}: wanted one of '
                 f"{', '.join(self.expressions)}"
             )
-        which = self.expressions.index(expression)
-        return np.array([sample[which] for sample in self._samples]).reshape(len(self), len(self.names))
+        size = 8 * len(self._names)
+        begin = size * self.expressions.index(expression)
+        values = bytearray().join(sample[begin : begin + size] for sample in self._samples)
+        return np.frombuffer(values, np.float64).reshape(len(self), len(self._names))
 
     def take(self, time: float, sample: NDArray[np.float64]) -> None:
         """Add a sample. Raises MisuseError when the history is full.
@@ -58,12 +65,12 @@ class History:
                 "Sample less often, or fewer expressions"
             )
         self._times.append(time)
-        self._samples.append(sample)
+        self._samples.append(sample.tobytes())
 
     def table(self) -> DataTable:
         """In long form, see the class."""
         keys: dict[str, Texts | Numbers] = {
-            "time": np.repeat(self.times, len(self.names)),
+            "time": np.repeat(self.times, len(self._names)),
             "robot": self.names * len(self),
         }
         return DataTable.keyed(keys, {each: self[each].ravel() for each in self.expressions})
@@ -73,7 +80,7 @@ class History:
 
     def __repr__(self) -> str:
         sampled = ", ".join(self.expressions)
-        return f"{len(self)} samples of {sampled} on {len(self.names):,} robots, every {self.every:g} s"
+        return f"{len(self)} samples of {sampled} on {len(self._names):,} robots, every {self.every:g} s"
 
     def _repr_html_(self) -> str:
         return self.table()._repr_html_()

@@ -68,14 +68,14 @@ class Evaluation(ABC):
     """
 
     state: Columns
-    barred = ""
-    """Why nothing may act on the bodies now, "" if it may."""
+    top: Program
 
     def __init__(self, state: Columns) -> None:
         self.state = state
+        self.barred = ""
+        """Why nothing may act on the bodies now, "" if it may."""
         self.depth = self.levels = 0
         """Nesting of entered programs, and of parentheses in them: the same for all robots that have come so far."""
-        self.top: Program
         self.matched: Mask = np.zeros(state.count, np.bool_)
         self.undecided: Mask | None = None
         """Where the top-level test was unknown; None in evaluations that do not look for that."""

@@ -7,7 +7,10 @@ or a list. `Shared` holds what is no number, and equal for most robots.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from array import array
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
+from functools import lru_cache
+from itertools import chain
 from math import nan
 from typing import Generic, TypeAlias, TypeVar
 
@@ -22,6 +25,8 @@ from sleepcast.language.vocabulary import MAX_USER_VARIABLES
 Value = TypeVar("Value")
 Column: TypeAlias = NDArray[np.float64]
 """One number for each of some rows, in order."""
+Moves: TypeAlias = NDArray[np.int64]
+"""What is to be copied: how many pieces, then of each from which address to which one, and how many words."""
 Mask: TypeAlias = NDArray[np.bool_]
 Index: TypeAlias = NDArray[np.intp]
 
@@ -45,17 +50,18 @@ class Rows:
     def __init__(self, index: slice | Index, size: int, first: int = 0) -> None:
         self.index, self.size, self.first = index, size, first
 
-    @classmethod
-    def run(cls, start: int, stop: int) -> Rows:
+    @staticmethod
+    @lru_cache(maxsize=256, typed=True)
+    def run(start: int, stop: int) -> Rows:
         """The robots from `start` to `stop` (exclusive)."""
-        return cls(slice(start, stop), stop - start, start)
+        return Rows(slice(start, stop), stop - start, start)
 
     @classmethod
     def of(cls, index: Index) -> Rows:
         """The robots with these indices, ascending; consecutive ones become a range."""
         size = len(index)
         if size and int(index[-1]) - int(index[0]) + 1 == size:
-            return cls.run(int(index[0]), int(index[-1]) + 1)
+            return Rows.run(int(index[0]), int(index[-1]) + 1)
         return cls(index, size, int(index[0]) if size else 0)
 
     def take(self, mask: Mask) -> Rows:
@@ -213,14 +219,16 @@ class ValueColumns(Columns):
         self.count = count
         self.groups: dict[str, Mask] = {}
         self._same = [*same]
-        self._columns: list[Column | None] = [None] * len(self._same)
-        self._shared: set[int] = set()
-        """Slots of variables whose columns are stored elsewhere."""
-        self._block: Column = np.empty((0, count))
-        self._originals: list[Column] = []
+        self._columns: dict[int, Column] = {}
+        self._table = np.empty((0, count))
+        """Columns that lie together, a row each: an array for each of them would take as much memory again."""
+        self._rows = array("h")
+        """The row of each slot in the table, -1 for none; slots beyond the end have none."""
+        self._borrowed = False
+        """Whether the table is stored elsewhere."""
         self._copied: tuple[ValueColumns, int, int] | None = None
         """The columns that were copied last in one go, whose they are, and the layouts there and here since."""
-        self._moves: list[tuple[int, int, int]] = []
+        self._moves: Moves | None = None
         """How they are copied, see `moves`."""
         self.layouts = 0
         """How often columns or groups have come or gone: as long as it stays the same, each lies where it did."""
@@ -231,14 +239,27 @@ class ValueColumns(Columns):
     def read(self, slot: int, rows: Rows) -> Column | float:
         if slot >= len(self._same):
             return nan
-        column = self._columns[slot]
-        return self._same[slot] if column is None else column[rows.index]
+        column = self._columns.get(slot)
+        if column is not None:
+            return column[rows.index]
+        row = self._rows[slot] if slot < len(self._rows) else -1
+        return self._same[slot] if row < 0 else self._table[row, rows.index]
+
+    def _column(self, slot: int) -> Column | None:
+        """The column of a variable; None where one number stands for all."""
+        column = self._columns.get(slot)
+        if column is None and slot < len(self._rows) and self._rows[slot] >= 0:
+            column = self._table[self._rows[slot]]
+        return column
 
     def assign(self, slot: int, rows: Rows, values: Column | float) -> None:
         """Set a variable of these robots."""
         if isinstance(values, float) and rows.size == self.count and slot < len(self._same):
-            self.layouts += self._columns[slot] is not None
-            self._same[slot], self._columns[slot] = values, None
+            if self._column(slot) is not None:
+                self.layouts += 1
+                self._columns.pop(slot, None)
+                self._rows[slot : slot + 1] = array("h", [-1] * len(self._rows[slot : slot + 1]))
+            self._same[slot] = values
             return
         self.own(slot)[rows.index] = values
 
@@ -246,24 +267,25 @@ class ValueColumns(Columns):
         """The variable's own column, allocated now if one number stood for all until now."""
         while slot >= len(self._same):
             self._same.append(nan)
-            self._columns.append(None)
-        column = self._columns[slot]
+        column = self._column(slot)
         if column is None:
             self.layouts += 1
             column = self._columns[slot] = filled(self._same[slot], np.float64, self.count)
         return column
 
-    def share(self, slot: int, column: Column) -> None:
-        """Read a variable from a column stored elsewhere, always with its current values."""
-        self._columns[slot] = column
-        self._shared.add(slot)
+    def share(self, first: int, table: Column, but: Collection[int] = ()) -> None:
+        """Read the variables from slot `first` on from the rows of a table stored elsewhere, always with their current
+        values. but: the slots of those that are not."""
+        self._table, self._borrowed = table, True
+        self._rows = array("h", [-1] * first)
+        self._rows.extend(-1 if first + row in but else row for row in range(len(table)))
         self.layouts += 1
 
     def copy_from(self, other: ValueColumns, rows: Rows, slots: Iterable[int]) -> None:
         """Copy some variables of these robots."""
         for slot in slots:
             values = other.read(slot, rows)
-            if isinstance(values, float) and slot < len(self._same) and self._columns[slot] is None:
+            if isinstance(values, float) and slot < len(self._same) and self._column(slot) is None:
                 same = self._same[slot]
                 if same == values or (same != same and values != values):
                     continue  # all robots have this value already
@@ -274,26 +296,28 @@ class ValueColumns(Columns):
         if not self._has_room_for(other):
             self._make_room_for(other)
         self._same[:] = other._same
-        if self._originals:
-            np.concatenate(self._originals, out=self._block.reshape(-1))
+        known = len(other._table)
+        self._table[:known] = other._table
+        if other._columns:
+            np.concatenate([*other._columns.values()], out=self._table[known:].reshape(-1))
 
     def _has_room_for(self, other: ValueColumns) -> bool:
         return self._copied is not None and self._copied == (other, other.layouts, self.layouts)
 
-    def moves(self, other: ValueColumns) -> Sequence[tuple[int, int, int]] | None:
-        """How somebody else may copy every column of all robots: from which address to which one, and how many bytes,
-        the same object as long as that holds; None if it takes more, since columns have come or gone."""
+    def moves(self, other: ValueColumns) -> Moves | None:
+        """How somebody else may copy every column of all robots, the same object as long as that holds; None if it
+        takes more, since columns have come or gone."""
         if not self._has_room_for(other):
             return None
-        if not self._moves:
-            size = self._block.itemsize * self.count
-            for place, column in enumerate(self._originals):
-                begin, into = column.ctypes.data, self._block.ctypes.data + place * size
-                before = self._moves[-1] if self._moves else (0, 0, 0)
-                if before[0] + before[2] == begin:
-                    self._moves[-1] = (*before[:2], before[2] + size)
+        if self._moves is None:
+            moves = list[list[int]]()
+            for column, into in zip((*other._table, *other._columns.values()), self._table, strict=True):
+                begin = column.ctypes.data
+                if moves and moves[-1][0] + 8 * moves[-1][2] == begin:
+                    moves[-1][2] += self.count
                 else:
-                    self._moves.append((begin, into, size))
+                    moves.append([begin, into.ctypes.data, self.count])
+            self._moves = np.array([len(moves), *chain.from_iterable(moves)], np.int64)
         return self._moves
 
     def moved(self, other: ValueColumns) -> None:
@@ -301,16 +325,16 @@ class ValueColumns(Columns):
         self._same[:] = other._same
 
     def _make_room_for(self, other: ValueColumns) -> None:
-        """Let the columns be rows of one block, as many as the other has now."""
-        columns = {slot: column for slot, column in enumerate(other._columns) if column is not None}
-        self._originals = [*columns.values()]
-        if self._block.shape != (len(columns), self.count):
-            self._block = np.empty((len(columns), self.count))
-        self._same, self._columns = [*other._same], [None] * len(other._same)
-        for slot, column in zip(columns, self._block, strict=True):
-            self._columns[slot] = column
+        """Let all columns be rows of the table: those of the other's table, then the others."""
+        known, alone = len(other._table), [*other._columns]
+        if self._table.shape != (known + len(alone), self.count):
+            self._table = np.empty((known + len(alone), self.count))
+        self._same, self._columns, self._rows = [*other._same], {}, other._rows[:]
+        self._rows.extend([-1] * (max(alone, default=-1) + 1 - len(self._rows)))
+        for row, slot in enumerate(alone, known):
+            self._rows[slot] = row
         self.layouts += 1
-        self._copied, self._moves = (other, other.layouts, self.layouts), []
+        self._copied, self._moves = (other, other.layouts, self.layouts), None
 
     def copy_groups(self, other: ValueColumns, rows: Rows) -> None:
         """Copy the group memberships of these robots."""
@@ -323,9 +347,9 @@ class ValueColumns(Columns):
 
     def row(self, robot: int) -> list[float]:
         """The values of one robot, by slot."""
+        columns = map(self._column, self.slots())
         return [
-            same if column is None else float(column[robot])
-            for same, column in zip(self._same, self._columns, strict=True)
+            same if column is None else float(column[robot]) for same, column in zip(self._same, columns, strict=True)
         ]
 
     def group(self, key: str) -> Mask:
@@ -342,12 +366,17 @@ class ValueColumns(Columns):
 
     # ---- saving and restoring
 
+    def _elsewhere(self, slot: int) -> bool:
+        """Whether a variable is stored elsewhere."""
+        return self._borrowed and slot < len(self._rows) and self._rows[slot] >= 0
+
     def values(self) -> ValuesState:
         """The variables that are not stored elsewhere, and the groups. Equal values give equal states, whether native
         code has needed a column of them or not."""
         same, columns = list(self._same), dict[int, Array]()
-        for slot, column in enumerate(self._columns):
-            if column is None or slot in self._shared:
+        for slot in self.slots():
+            column = None if self._elsewhere(slot) else self._column(slot)
+            if column is None:
                 continue
             bits = column.view(np.int64)
             alike = bool((bits == bits[0]).all())
@@ -361,15 +390,15 @@ class ValueColumns(Columns):
         length, shape = len(state.same), (self.count,)
         if not len(self._same) <= length <= len(self._same) + MAX_USER_VARIABLES:
             raise SerialError(f"robots with {length} variables, wanted {len(self._same)} and those that they made")
-        if not all(0 <= slot < length and slot not in self._shared for slot in state.columns):
+        if not all(0 <= slot < length and not self._elsewhere(slot) for slot in state.columns):
             raise SerialError(f"a column of a variable that is none of the {length}, or one that others keep")
         self.layouts += 1
-        shared = [(slot, self._columns[slot]) for slot in self._shared]
-        self._same, self._columns = list(state.same), [None] * length
-        for slot, theirs in shared:
-            self._columns[slot] = theirs
-        for slot, column in state.columns.items():
-            self._columns[slot] = column.made(np.float64, shape, f"variable {slot}")
+        if not self._borrowed:
+            self._table, self._rows = np.empty((0, self.count)), array("h")
+        self._same = list(state.same)
+        self._columns = {
+            slot: column.made(np.float64, shape, f"variable {slot}") for slot, column in state.columns.items()
+        }
         self.groups = {key: members.made(np.bool_, shape, f"group {key}") for key, members in state.groups.items()}
 
 
@@ -397,7 +426,8 @@ class Shared(Generic[Value]):
     def _all_have(self, value: Value) -> None:
         self.values = [value]
         """Those that robots have, and perhaps some that none has any more."""
-        self._numbers = {self._key(value): 0}
+        self._numbers: dict[Hashable, int] = {}
+        """The index of each value, by its key, where they differ."""
         self._column: NDArray[np.int32] | None = None
         """Index of each robot's value; None: all have the only one."""
 
@@ -444,6 +474,8 @@ class Shared(Generic[Value]):
         if rows.size == self._count:
             self._all_have(value)
             return
+        if not self._numbers:
+            self._number()
         number = self._numbers.setdefault(self._key(value), len(self.values))
         if number == len(self.values):
             self.values.append(value)
@@ -455,7 +487,7 @@ class Shared(Generic[Value]):
         if len(self.values) > 2 * self._used + SPARE:  # forget those that no robot has any more
             numbers, self._column[:] = np.unique(self._column, return_inverse=True)
             self.values = [self.values[number] for number in numbers.tolist()]
-            self._numbers = {self._key(value): number for number, value in enumerate(self.values)}
+            self._number()
             self._used = len(self.values)
 
     @property
@@ -472,4 +504,7 @@ class Shared(Generic[Value]):
         if len(values) == 1:
             return
         self.values, self._column = list(values), column
-        self._numbers = {self._key(value): number for number, value in reversed(list(enumerate(values)))}
+        self._number()
+
+    def _number(self) -> None:
+        self._numbers = {self._key(value): number for number, value in reversed([*enumerate(self.values)])}

@@ -8,6 +8,7 @@ would put each other out.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from itertools import count
 from math import prod
 from typing import TypeVar
@@ -45,6 +46,13 @@ def filled(value: float, dtype: type[Scalar], *shape: int) -> NDArray[Scalar]:
     array = block(size, next(_offsets) % PAGE).view(dtype).reshape(shape)
     array[...] = value
     return array
+
+
+@lru_cache(maxsize=8)
+def count_up(count: int, dtype: type[Scalar]) -> NDArray[Scalar]:
+    """The numbers from 0 on, so many: one array for all who want so many, into which nobody writes, though it could be
+    written, as compiled code takes arrays."""
+    return np.arange(count).astype(dtype)
 
 
 # Scratch memory: the same for every task of every tick. Fresh memory costs more than the work that is done in it, and

@@ -98,12 +98,21 @@ NARROW = 65_535
 """Largest count of matches in two bytes; beyond it four are used."""
 
 
+NO_FAULTS: dict[int, str] = {}
+"""Of all rules that have had none."""
+
+
 class RuleStatistics:
     """Statistics of one rule: last value, steps of the last evaluation, firings, consecutive faults, texts of last
     faults.
 
     Values common to all robots take no column, and counts use the narrowest type possible.
     """
+
+    __slots__ = (
+        *("_counted", "_failed_at", "_fired", "_firings", "_fresh", "_in_row", "_sink", "_steps"),
+        *("last_fault", "last_value", "most_steps"),
+    )
 
     def __init__(self, count: int) -> None:
         self.last_value: Column = filled(nan, np.float64, count)
@@ -119,7 +128,7 @@ class RuleStatistics:
         """Allocated by the first fault."""
         self._failed_at: Column | None = None
         """When each robot had its last fault, s; not part of the state, since only people are told."""
-        self.last_fault: dict[int, str] = {}
+        self.last_fault = NO_FAULTS
         self._sink = ResultColumns(self.last_value, self._fresh, None)
 
     def sink(self, *, steps: bool) -> ResultColumns:

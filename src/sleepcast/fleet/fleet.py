@@ -381,9 +381,7 @@ class Fleet(Mapping[str, RobotView]):
         if sensed.shape != (len(self.vocabulary.sensors), len(self)):
             sensors = len(self.vocabulary.sensors)
             raise FleetError(f"a table of shape {sensed.shape} for {sensors} sensors of {len(self)} robots")
-        for slot, row in enumerate(sensed, self.vocabulary.first_sensor):
-            if slot not in self.measured:
-                self.state.share(slot, row)
+        self.state.share(self.vocabulary.first_sensor, sensed, self.measured)
 
     # ---- the robots
 

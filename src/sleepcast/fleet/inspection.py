@@ -17,8 +17,7 @@ very same values.
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import field
 from math import isnan, nan
@@ -32,7 +31,7 @@ from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.message_batch import ascending
 from sleepcast.columns.machine import evaluate
 from sleepcast.columns.telemetry import BulkTelemetry, Key, KnownSymbols
-from sleepcast.columns.values import Column, Index, Mask, Rows, ValueColumns, distinct
+from sleepcast.columns.values import Column, Index, Mask, Moves, Rows, ValueColumns, distinct
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import RestState
 from sleepcast.core.records import dataclass
@@ -59,12 +58,15 @@ _NOWHERE = -1
 """The slot of a name that was unknown when the program was checked."""
 
 
+_READS: WeakKeyDictionary[Mind, frozenset[int] | None] = WeakKeyDictionary()
+"""What the rules of a mind may read; None stands for everything."""
+
+
 class ReadSet:
     """What the robots of a memory may read; None stands for everything. It may name too much, never too little."""
 
     def __init__(self, memory: FleetEvaluation) -> None:
         self._memory = memory
-        self._of_mind: WeakKeyDictionary[Mind, frozenset[int] | None] = WeakKeyDictionary()
 
     def slots(self, waiting: Iterable[tuple[Message, Index]]) -> frozenset[int] | None:
         """The slots that any active rule may read, or any waiting message, each given with its robots."""
@@ -85,13 +87,13 @@ class ReadSet:
         return frozenset(slots)
 
     def _by_rules(self, mind: Mind) -> frozenset[int] | None:
-        if mind not in self._of_mind:
+        if mind not in _READS:
             programs = [rule.program for rule in mind.running]
             taught = {key for program in programs for key in _own_reads(program).taught}
             # A rule that another one stores anew runs in the same tick, whatever it will then read.
             anew = not taught.isdisjoint({_ANYTHING, *mind.rules})
-            self._of_mind[mind] = None if anew else _together(programs, mind)
-        return self._of_mind[mind]
+            _READS[mind] = None if anew else _together(programs, mind)
+        return _READS[mind]
 
     def _by_message(self, message: Message, mind: Mind) -> frozenset[int] | None:
         """The slots that a message may read; None stands for everything: it cannot be compiled yet, or it may add rules
@@ -224,7 +226,7 @@ class FleetTelemetry(BulkTelemetry):
         for those in self._asked.values():
             those[rows.index] = True
 
-    def moves(self) -> Sequence[tuple[int, int, int]] | None:
+    def moves(self) -> Moves | None:
         """What native code has to copy whenever all robots tell of themselves, see `ValueColumns.moves`; None if only
         `take` can do that."""
         return None if self._large else self._then.moves(self._state)
@@ -387,7 +389,7 @@ class EvaluationLog:
 
     def __init__(self, memory: FleetMemory) -> None:
         self._memory = memory
-        self._entries: deque[LogEntry] = deque(maxlen=MAX_ENTRIES)
+        self._entries: list[LogEntry] = []
         self._bytes = 0
         self.since: float | None = None
         """The time (s) of the snapshot that the fleet was resumed from: inputs of earlier commands are not
@@ -438,7 +440,7 @@ class EvaluationLog:
             self._drop()
 
     def _drop(self) -> None:
-        self._bytes -= self._entries.popleft().bytes
+        self._bytes -= self._entries.pop(0).bytes
 
     def find(self, robot: int, command: str | None) -> LogEntry | None:
         """The entry of a command (None: the last one) that a robot has evaluated."""

@@ -4,6 +4,7 @@ changed."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from sleepcast.columns.evaluation import by_the_living
 from sleepcast.columns.machine import Plain, evaluate, is_plain, no_fault, no_local
 from sleepcast.columns.telemetry import Key, KnownSymbols, QuietMemory
 from sleepcast.columns.values import CHUNK, Column, Columns, Mask, Rows, distinct
+from sleepcast.core.memory import same
 from sleepcast.fleet.inspection import reads_of
 from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.messages import Outbox
@@ -47,8 +49,7 @@ class FleetQuery:
     def __init__(self, text: str, state: FleetState, minds: Minds, bodies: Sequence[object | None]) -> None:
         self.turns = state.turns
         self.rows = Rows.run(0, state.count)
-        self._text, self._state, self._minds = text, state, minds
-        self._memory = AskedMemory(state, minds, bodies)
+        self._text, self._state, self._minds, self._bodies = text, state, minds, bodies
         self._pieces: list[tuple[Program, Rows, Mask | None]] = state.divide(self.rows, self._program)
         self._plain = len(self._pieces) == 1 and self.rows.size <= CHUNK and is_plain(self._pieces[0][0].root)
         self.reads = self._read()
@@ -58,12 +59,12 @@ class FleetQuery:
         """What it comes to at `now` (s), NaN for unknown, without side effects; and why that cannot be said for an
         expression that would have some, for random numbers, and for a function that makes a body do something, "" if it
         can."""
-        memory = self._memory
-        memory.state.now = now
         program, some, _ = self._pieces[0]
         if self._plain:  # it can do nothing but compute, and nobody asks for its steps and faults
             with np.errstate(all="ignore"):
-                return Plain(some, memory.state.read, no_local, no_fault).column(program.root), ""
+                return Plain(some, PresentColumns(self._state, now).read, no_local, no_fault).column(program.root), ""
+        memory = self._memory
+        memory.state.now = now
         if len(self._pieces) == 1:
             values = evaluate(memory, program, some)
         else:
@@ -72,10 +73,14 @@ class FleetQuery:
                 values[mask] = evaluate(memory, program, some)
         return values, memory.reasons[0] if memory.reasons else ""
 
+    @cached_property
+    def _memory(self) -> AskedMemory:
+        return AskedMemory(self._state, self._minds, self._bodies)
+
     @property
     def refused(self) -> bool:
         """Whether it could not be said for some robot: the memory remembers that."""
-        return bool(self._memory.reasons)
+        return not self._plain and bool(self._memory.reasons)
 
     def _program(self, number: int) -> Program:
         names = MindNames(self._minds.vocabulary, self._minds[number])
@@ -89,15 +94,15 @@ class FleetQuery:
             if read_here is None or any(part.op == "host" for part in walk(program.root)):
                 return None
             slots |= read_here
-        return frozenset(slots)
+        return same(frozenset(slots))
 
 
 class PresentColumns(Columns):
     """The values of all robots at `now` (s): idle robots have not looked at their clocks, and asking them must not make
     them do so."""
 
-    def __init__(self, state: FleetState) -> None:
-        self._state, self.count, self.now = state, state.count, 0.0
+    def __init__(self, state: FleetState, now: float = 0.0) -> None:
+        self._state, self.count, self.now = state, state.count, now
 
     def members(self, key: str) -> Mask | None:
         return self._state.members(key)

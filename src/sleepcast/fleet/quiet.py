@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from sleepcast.core.memory import same
 from sleepcast.fleet.evaluation import RuleStatistics
 from sleepcast.fleet.fleet import Fleet
 from sleepcast.fleet.native.compiler import Kernel
@@ -46,7 +47,8 @@ class QuietMinds:
         self._fleet = fleet
         self._everybody = fleet.rows()
         self._plan: SequencePlan | None = None
-        self._rules = NOTHING
+        self.looks = 0
+        """How often it was found out which rules there are: as long as it stays the same, so do `rules`."""
         self._assigned: frozenset[int] = frozenset()
         """The slots of the actuators that rules assign."""
         self._tallies: list[RuleStatistics] = []
@@ -83,15 +85,16 @@ class QuietMinds:
             return False
         mind = fleet.minds[state.one_mind]
         if not mind.running:
-            self._plan, self._rules, self._assigned = None, NOTHING, frozenset()
+            self._plan, self._assigned = None, frozenset()
         else:
             plan = fleet.kernels.known_plan(mind) if fleet.kernels is not None else None
             if plan is None or not self._bound(plan):
                 return False
-            self._plan, self._rules = plan, self._of(plan)
-            self._assigned = frozenset(slot for kernel in _kernels(plan) for slot in kernel.actuators)
+            self._plan = plan
+            self._assigned = same(frozenset(slot for kernel in _kernels(plan) for slot in kernel.actuators))
             self._tallies = [fleet.memory.statistics[key] for key in plan.keys]
         self._stamp = self._stamp_now()
+        self.looks += 1
         return True
 
     @property
@@ -101,8 +104,8 @@ class QuietMinds:
 
     @property
     def rules(self) -> QuietRules:
-        """After `ready`: the same object as long as nothing has changed."""
-        return self._rules
+        """After `ready`."""
+        return NOTHING if self._plan is None else self._of(self._plan)
 
     def _bound(self, plan: SequencePlan) -> bool:
         """Let the native code of a plan read and write the columns as they are now. False if it cannot."""

@@ -82,8 +82,8 @@ class BatchScheduler:
 
     def affordable(self, plan: SequencePlan) -> bool:
         """Whether the budget suffices for all rules of a plan, whatever branches are taken."""
-        expected = plan.steps
-        for key, size in zip(plan.keys, plan.sizes, strict=True):
+        expected = plan.of.steps
+        for key, size in zip(plan.keys, plan.of.sizes, strict=True):
             expected += max(0, self._memory.statistics[key].most_steps - size.steps)
         return expected <= TICK_STEPS
 
@@ -289,7 +289,7 @@ class BatchScheduler:
         if first or tally.faulted:
             tally.failed(rows, faulted, memory.state.column(TIME_SLOT, rows))
         if first:
-            tally.last_fault.update(first)
+            tally.last_fault = tally.last_fault | first
             self._deactivate(key, tally, rows.take(faulted))
 
     def _deactivate(self, key: str, tally: RuleStatistics, rows: Rows) -> None:

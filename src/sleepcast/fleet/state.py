@@ -31,6 +31,7 @@ from sleepcast.mind.merging import Merging
 from sleepcast.mind.rules import Rule, RuleBase, learned_at_first, running
 
 Key = TypeVar("Key", bound=Hashable)
+Whole: TypeAlias = NDArray[np.int32]
 
 
 class FleetState(ValueColumns):
@@ -57,22 +58,12 @@ class FleetState(ValueColumns):
         """Tick in which the rules last changed or met a fault."""
         self.actuated: dict[int, Mask] = {}
         """Which robots have assigned an actuator, by slot, since it was last queried."""
-        self.dropped = np.zeros(count, np.int32)
-        """Number of assignments and calls that were not passed to the body because a value was unknown."""
         self.lost = np.zeros(count, np.int32)
         """Number of messages lost because a queue or the outbox was full."""
         self.in_outbox = np.zeros(count, np.int32)
         """Messages in the outbox."""
         self.sequence = np.zeros(count, np.int32)
         """The number of the last message sent."""
-        self.reported_in = np.zeros(count, np.int32)
-        """The second in which each robot last reported anything."""
-        self.reported = np.zeros(count, np.int32)
-        """Its reports in that second."""
-        self.telling_until = np.zeros(count)
-        """When everything that each robot has told would be paid off at its permitted rate, s."""
-        self.rate_limited = np.zeros(count, np.bool_)
-        """Whether a TELL has been refused since the robot was last below its rate."""
         self.stopped = np.zeros(count, np.bool_)
         self.latch = Shared(count, Latch())
         """Which STOPs hold each robot, and which have ended."""
@@ -83,6 +74,33 @@ class FleetState(ValueColumns):
         self.still = np.zeros(count, np.bool_)
         """Whether the body is held still."""
         self._castes: NDArray[np.float64] | None = None
+
+    # Columns that a robot may never need are made when somebody looks at them.
+
+    @cached_property
+    def dropped(self) -> Whole:
+        """Number of assignments and calls that were not passed to the body because a value was unknown."""
+        return np.zeros(self.count, np.int32)
+
+    @cached_property
+    def reported_in(self) -> Whole:
+        """The second in which each robot last reported anything."""
+        return np.zeros(self.count, np.int32)
+
+    @cached_property
+    def reported(self) -> Whole:
+        """Its reports in that second."""
+        return np.zeros(self.count, np.int32)
+
+    @cached_property
+    def telling_until(self) -> NDArray[np.float64]:
+        """When everything that each robot has told would be paid off at its permitted rate, s."""
+        return np.zeros(self.count)
+
+    @cached_property
+    def rate_limited(self) -> Mask:
+        """Whether a TELL has been refused since the robot was last below its rate."""
+        return np.zeros(self.count, np.bool_)
 
     def turn(self, rows: Rows, mind: int) -> None:
         """Give these robots a mind."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Sequence
 from math import nan
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 from weakref import ref
 
 from sleepcast.core.errors import SleepcastError
@@ -183,33 +183,38 @@ Slots: TypeAlias = tuple[str, ...]
 """The keys of user variables in the order of their slots."""
 
 
+class _Kept(NamedTuple):
+    """A program under its text and parameters, with what its learned names were. added: the slots that it got."""
+
+    key: tuple[str, Slots]
+    meanings: tuple[object, ...]
+    program: Program
+    added: Slots = ()
+
+
 class _Known:
     """The programs of vocabularies that were made `anew` from one, for the next of them: their robots are given the
     slots of user variables in the order in which they hear of them, so a program is kept under those before it."""
 
     def __init__(self) -> None:
-        self._programs: dict[tuple[str, Slots, Slots], list[tuple[tuple[object, ...], Program, Slots]]] = {}
+        self._programs: dict[tuple[str, Slots, Slots], list[_Kept]] = {}
         self._count = 0
 
-    def find(self, text: str, parameters: Slots, names: Names) -> Program | None:
+    def find(self, text: str, parameters: Slots, names: Names) -> _Kept | None:
         """The program of a text for a robot with these names, whose vocabulary gets the slots that it gives."""
         vocabulary = names.vocabulary
         kept = self._programs.get((text, parameters, tuple(vocabulary.user_slots)), ())
-        for meanings, program, added in kept:
-            if meanings == _meanings(program, names) and not _circular(program, names):
-                for key in added:
-                    vocabulary.user_slot(key)
-                return program
-        return None
+        found = _suiting(kept, names)
+        for key in () if found is None else found.added:
+            vocabulary.user_slot(key)
+        return found
 
-    def keep(self, program: Program, parameters: Slots, before: Slots, names: Names) -> None:
+    def keep(self, kept: _Kept, before: Slots) -> None:
         """Keep what was just compiled. before: the slots then."""
-        added = tuple(names.vocabulary.user_slots)[len(before) :]
         self._count += 1
         if self._count > MAX_PROGRAMS:
             self._programs, self._count = {}, 1
-        alike = self._programs.setdefault((program.text, parameters, before), [])
-        alike.append((_meanings(program, names), program, added))
+        self._programs.setdefault((*kept.key, before), []).append(kept)
 
 
 class Library:
@@ -224,9 +229,9 @@ class Library:
 
     def __init__(self, vocabulary: Vocabulary | None = None) -> None:
         self._known = None if vocabulary is None else vocabulary.common(_Known)
-        self._programs: dict[tuple[str, tuple[str, ...]], list[tuple[tuple[object, ...], Program]]] = {}
+        self._programs: dict[tuple[str, Slots], tuple[_Kept, ...]] = {}
         self._count = 0
-        self._questions: OrderedDict[str, list[tuple[tuple[object, ...], Program]]] = OrderedDict()
+        self._questions: OrderedDict[str, list[_Kept]] = OrderedDict()
 
     def program(
         self,
@@ -241,34 +246,37 @@ class Library:
         `forms`) and CheckError."""
         suiting = _suiting(self._programs.get((text, parameters), ()), names)
         if suiting is not None:
-            return suiting
+            return suiting.program
         if asked:
             return self._question(text, forms, names)
-        program = self._compiled(text, forms, names, parameters)
+        kept = self._compiled(text, forms, names, parameters)
         self._count += 1
         if self._count > MAX_PROGRAMS:
             self._programs, self._count = {}, 1
-        self._programs.setdefault((text, parameters), []).append((_meanings(program, names), program))
-        return program
+        self._programs[kept.key] = (*self._programs.get(kept.key, ()), kept)
+        return kept.program
 
-    def _compiled(self, text: str, forms: Callable[[], Sequence[Form]], names: Names, parameters: Slots) -> Program:
+    def _compiled(self, text: str, forms: Callable[[], Sequence[Form]], names: Names, parameters: Slots) -> _Kept:
         known, before = self._known, tuple(names.vocabulary.user_slots)
-        program = None if known is None else known.find(text, parameters, names)
-        if program is None:
+        kept = None if known is None else known.find(text, parameters, names)
+        if kept is None:
             program = _checked(text, forms(), names, parameters)
+            added = tuple(names.vocabulary.user_slots)[len(before) :]
+            kept = _Kept((text, parameters), _meanings(program, names), program, added)
             if known is not None:
-                known.keep(program, parameters, before, names)
-        return program
+                known.keep(kept, before)
+        return kept
 
     def _question(self, text: str, forms: Callable[[], Sequence[Form]], names: Names) -> Program:
         alike = self._questions.get(text, [])
-        program = _suiting(alike, names)
-        if program is None:
-            program = _checked(text, forms(), names)
-            self._questions[text] = [*alike[1 - MAX_ASKED :], (_meanings(program, names), program)]
-            self._questions.move_to_end(text)
-            if len(self._questions) > MAX_ASKED:
-                self._questions.popitem(last=False)
+        suiting = _suiting(alike, names)
+        if suiting is not None:
+            return suiting.program
+        program = _checked(text, forms(), names)
+        self._questions[text] = [*alike[1 - MAX_ASKED :], _Kept((text, ()), _meanings(program, names), program)]
+        self._questions.move_to_end(text)
+        if len(self._questions) > MAX_ASKED:
+            self._questions.popitem(last=False)
         return program
 
     def again(self, program: Program, names: Names, parameters: tuple[str, ...] = ()) -> Program:
@@ -282,11 +290,11 @@ class Library:
             return program
 
 
-def _suiting(stored: Iterable[tuple[tuple[object, ...], Program]], names: Names) -> Program | None:
+def _suiting(stored: Iterable[_Kept], names: Names) -> _Kept | None:
     """The one of a text's programs that is right for a robot with these names."""
-    for meanings, program in stored:
-        if meanings == _meanings(program, names) and not _circular(program, names):
-            return program
+    for kept in stored:
+        if kept.meanings == _meanings(kept.program, names) and not _circular(kept.program, names):
+            return kept
     return None
 
 

@@ -9,7 +9,6 @@ A person's STOP is ended by a person: it ends the mission, whose RELEASE would s
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import lru_cache
 from itertools import islice
@@ -99,9 +98,9 @@ class MissionLog:
         self._commands, self._tick, self._given = commands, tick, given
         self._sent: dict[int, Message] = {}
         self._seen: set[str] = set()
-        self._waiting: dict[Words, deque[int]] = {}
+        self._waiting: dict[Words, list[int]] = {}
         for number, order in enumerate(self.orders):
-            self._waiting.setdefault(self._words(order), deque()).append(number)
+            self._waiting.setdefault(self._words(order), []).append(number)
 
     def sent(self) -> Mapping[int, Message]:
         """The messages of the orders that were sent, by their index in `orders`."""

@@ -12,7 +12,6 @@ others, which `step_swarm` makes.
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from math import inf
@@ -20,7 +19,8 @@ from typing import TYPE_CHECKING, Protocol
 
 from sleepcast.channel import Message
 from sleepcast.channel.simulated_radio import Radio
-from sleepcast.columns.values import Index, Rows
+from sleepcast.columns.values import Index, Moves, Rows
+from sleepcast.core.memory import same
 from sleepcast.core.ticks import tick_at
 from sleepcast.fleet import Fleet
 from sleepcast.fleet.quiet import QuietMinds
@@ -54,8 +54,8 @@ class QuietSwarm(Protocol):
     simulator: Simulator
     fleet: Fleet
     radio: Radio
-    posted: deque[Message]
-    mission: deque[Order]
+    posted: list[Message]
+    mission: list[Order]
     senders: list[Callable[[], None]]
     telemetry_ticks: int
     sonars: frozenset[int]
@@ -97,12 +97,12 @@ class QuietWorld:
         self._events = sorted(event_ticks(scenario.events, scenario.tick))
         self._everybody, self._nobody = Rows.run(0, len(swarm.fleet)), Rows.run(0, 0)
         self._most = max(1, LONGEST // len(swarm.fleet))
-        self._alone: WorldTable | None = None
-        self._told: object = None
+        self._told = 0
+        """How often minds had looked at their rules when the block was told of these."""
         self._asked: frozenset[int] = frozenset()
         self._reports = False
         """Whether the last tick has anything to report."""
-        self._moves: Sequence[tuple[int, int, int]] | None = None
+        self._moves: Moves | None = None
         """What compiled code copies when telemetry is sampled; None if it does not do that."""
         self.ticks = 0
 
@@ -110,14 +110,11 @@ class QuietWorld:
         """Make so many quiet ticks, or fewer; gives how many, 0 if the next tick is none."""
         if self.block is None:
             return 0
-        if self._alone is None:
-            from sleepcast.simulator.quiet.blocks import WorldTable
-
-            self._alone = WorldTable([self.block])
+        self.block.lend()
         if not self.begin(most):
             return 0
         try:
-            self._alone.make([0])
+            self.block.make()
         finally:  # where Ctrl-C comes, which waits for compiled code: the ticks are made
             made = self.end()
         return made
@@ -151,7 +148,7 @@ class QuietWorld:
             most = min(most, swarm.telemetry_ticks - now % swarm.telemetry_ticks)
         return most
 
-    def _sampling(self) -> Sequence[tuple[int, int, int]] | None:
+    def _sampling(self) -> Moves | None:
         """What is copied when telemetry is sampled, if nobody has to see each sample."""
         swarm, desks = self._swarm, self._swarm.desks
         if not desks or not swarm.radio.reaches_all or not all(desk.counts_latest for desk in desks):
@@ -199,14 +196,14 @@ class QuietWorld:
         swarm, block, minds = self._swarm, self.block, self._minds
         for witness in swarm.witnesses:
             witness.ticking()
-        if minds.rules is not self._told:
-            self._told = minds.rules
+        if minds.looks != self._told:
+            self._told = minds.looks
             block.think(*minds.rules)
-            self._asked = swarm.sonars & minds.reads() if minds.awake else frozenset()
+            self._asked = same(swarm.sonars & minds.reads()) if minds.awake else frozenset()
             block.listen(swarm.rows_of(self._asked))
         block.prepare()
         desks, sonars = swarm.desks, bool(swarm.sonars)
-        block.sample(0 if self._moves is None else swarm.telemetry_ticks, self._moves or (), sonars=sonars)
+        block.sample(0 if self._moves is None else swarm.telemetry_ticks, self._moves, sonars=sonars)
         left = bool(desks) and self._moves is None
         sampled = left and (swarm.simulator.tick + ticks) % swarm.telemetry_ticks == 0
         self._reports = sampled or any(desk.next_due < inf for desk in desks)
@@ -294,6 +291,8 @@ class QuietTicks:
         Whatever is raised, each is whole that has raised nothing itself."""
         begun, made, errors = list[int](), dict[int, int](), list[BaseException]()
         try:
+            if self._table is not None:
+                self._table.provide()
             for number, ticks in most.items():
                 begun += [number] if self._swarms[number].quiet.begin(ticks) else []
             if self._table is not None and begun:
@@ -315,6 +314,8 @@ class QuietTicks:
         """Get all swarms ready for a stretch of so many quiet ticks, or fewer, of which `go_on` makes some at a time;
         gives how many, 0 where some tick is not quiet or rules run. Until `let_go` nobody may look at the swarms."""
         begun, least = list[QuietWorld](), most
+        if self._table is not None:
+            self._table.provide()
         for swarm in self._swarms if len(self._places) == len(self._swarms) else ():
             ticks = swarm.quiet.begin(most)
             begun += [swarm.quiet] if ticks else []

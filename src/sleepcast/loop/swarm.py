@@ -31,6 +31,7 @@ from sleepcast.channel.simulated_radio import OPERATOR, Radio
 from sleepcast.columns.values import Column, Index, Rows
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError, in_file
+from sleepcast.core.memory import same
 from sleepcast.core.model import Constant
 from sleepcast.core.ticks import Carried, tick_at
 from sleepcast.core.units import NONE, UNITS
@@ -203,7 +204,7 @@ class Swarm:
         for rule in scenario.minds.locked:
             self.fleet.install(rule.name, rule.text)
         self.actuators = tuple(actuator.name for actuator in simulator.model.actuators)
-        self.sonars = frozenset(self.vocabulary.first_sensor + row for row in simulator.sonar_rows)
+        self.sonars = same(frozenset(self.vocabulary.first_sensor + row for row in simulator.sonar_rows))
         """The slots of variables that are measured only on request."""
         self.desk: Desk | None = None
         self.others: list[Desk] = []
@@ -212,7 +213,7 @@ class Swarm:
         """They see each tick, in this order."""
         self.senders: list[Callable[[], None]] = []
         """Called before each tick, to let the desk send what is due in it as if by hand."""
-        self.mission = deque(readable(order) for order in mission)
+        self.mission = [readable(order) for order in mission]
         """The orders that were not sent yet."""
         self.refused: Callable[[Order, MissionError], None] | None = None
         """Told of an order of the mission that cannot be sent; without it that is raised."""
@@ -224,7 +225,7 @@ class Swarm:
         """What runs so far have left over, since a tick is the least that time moves."""
         self.telemetry_ticks = max(1, round(scenario.telemetry / scenario.tick))
         """Telemetry period of a robot, in ticks."""
-        self.posted: deque[Message] = deque()
+        self.posted: list[Message] = []
         self.thought = Rows.run(0, 0)
         """The robots that were evaluated in the last tick."""
         self.whole = True
@@ -386,7 +387,7 @@ def _send_posted(swarm: Swarm) -> None:
     """Send what the desk has posted."""
     sent = list[Message]()
     while swarm.posted:
-        message = swarm.posted.popleft()
+        message = swarm.posted.pop(0)
         number = swarm.number_of(message.sender)
         swarm.radio.send(number, message)
         sent.append(message)
@@ -401,7 +402,7 @@ def _give_orders(swarm: Swarm) -> None:
     """Let the desk send the orders of the mission that are due."""
     tick, now = swarm.simulator.scenario.tick, swarm.simulator.tick
     while swarm.mission and swarm.desk is not None and tick_at(swarm.mission[0].time, tick) <= now:
-        order = swarm.mission.popleft()
+        order = swarm.mission.pop(0)
         try:
             sent = give(swarm.desk_for(order), order)
         except MissionError as error:

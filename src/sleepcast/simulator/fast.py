@@ -7,6 +7,7 @@ for cheap work and `WATCHFUL` for expensive work.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from functools import lru_cache
 from math import cos, frexp, ldexp, pi, sin, sqrt
@@ -97,6 +98,15 @@ def ring_of(cones: Cones) -> _Ring:
     )
 
 
+class _ThreadArena(threading.local):
+    def __init__(self) -> None:
+        self.arena = Arena()
+
+
+of_thread = _ThreadArena()
+"""The scratch memory of each thread."""
+
+
 class NumbaMachine:
     """See `engine.Machine`."""
 
@@ -105,8 +115,10 @@ class NumbaMachine:
 
     def __init__(self, threads: int) -> None:
         self.pool = ThreadPool(threads, wait)
-        self._arena = Arena()
-        self._fields = Fields(self._arena)
+        self._own: Arena | None = None
+        self._arena = of_thread.arena
+        """Scratch memory of the task that began last."""
+        self._fields = Fields()
         self._around: _Neighbourhood | None = None
         self._beside = np.inf
         """Metres within which other bodies can touch, as far as is known."""
@@ -181,8 +193,8 @@ class NumbaMachine:
         """The squared ranges seen by the robots `which`, one row each. forward: cones that look behind are not
         needed."""
         cones, grid, points, listed, solids, pose, radii = view
-        robots, order, arena = len(pose[0]), points.order, self._arena
-        arena.begin(SCRATCH * robots)
+        robots, order = len(pose[0]), points.order
+        arena = self._begun(robots)
         fixed_x, fixed_y = fixed = arena.take(np.int32, 2, robots + LANES)
         fixed[:, robots:] = 0
         units = ldexp(1.0, SPAN - frexp(grid.size)[1])
@@ -238,14 +250,23 @@ class NumbaMachine:
         self._shoot(tick.view, shots_of(firing, tick))
 
     def _shoot(self, view: VisibleScene, shots: Shots) -> None:
-        field, beam = self._fields.of(view, self._share), beam_of(view.cones)
+        arena = self._begun(len(view.points.order))
+        field, beam = self._fields.of(view, self._share, arena), beam_of(view.cones)
         self._share_rows(
             lambda first, last: kernels_firing.fire(field, beam, shots, first, last), view.grid, field.start
         )
 
-    def room(self, count: int) -> tuple[Displacement, Floats]:
+    def _begun(self, count: int) -> Arena:
+        """Scratch memory for a task that begins, of so many robots. Few robots have that of the thread, which never
+        makes two tasks at a time; many keep their own, which ends with them."""
+        if count > ALONE and self._own is None:
+            self._own = Arena()
+        self._arena = self._own if count > ALONE and self._own is not None else of_thread.arena
         self._arena.begin(SCRATCH * count)
-        rows = self._arena.take(np.float64, 4, count)
+        return self._arena
+
+    def room(self, count: int) -> tuple[Displacement, Floats]:
+        rows = self._begun(count).take(np.float64, 4, count)
         return Displacement(*rows[:3]), rows[3]
 
     def propose(self, bodies: BodyColumns, laws: Laws, draws: Draws, proposal: Displacement) -> None:
@@ -282,9 +303,7 @@ class NumbaMachine:
         close, self._beside = self._close(points, reach), AGAIN * reach + ROUNDING
         near, stopped = arena.take(np.bool_, count), Settled(*arena.take(np.float64, 3, count))
         self.share(count, lambda first, last: clear(Settled(*(column[first:last] for column in settled))))
-        if self._boxed is None or self._boxed[0] is not solids:
-            self._boxed = solids, boxes_of(solids)
-        boxes = self._boxed[1]
+        boxes = self.boxes(solids)
 
         def at_old(first: int, last: int) -> None:
             kernels_motion.stop_at_old(
@@ -300,6 +319,12 @@ class NumbaMachine:
 
         self._share_rows(at_old, grid, start)
         self._share_rows(at_ways, grid, start, int(np.count_nonzero(near)), CROWDED)
+
+    def boxes(self, solids: Floats) -> Floats:
+        """The bounding boxes of solids, see `boxes_of`; of the latest ones they are kept."""
+        if self._boxed is None or self._boxed[0] is not solids:
+            self._boxed = solids, boxes_of(solids)
+        return self._boxed[1]
 
     def disturb(self, seen: Ranges, which: Whole, noise: Noise) -> None:
         keys = np.uint64(noise.key), np.uint64(noise.dropout_key)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Collection, Sequence
 from typing import overload
 
@@ -43,7 +42,8 @@ class Simulator:
         per core); but NumPy for robots without bumpers and sonars that do not sense their neighbours, for which it is
         fast enough, as long as this computer has not compiled the kernels for others.
     names, robots: one for each robot, by its index; a robot's own number is its index + 1
-    model: the robots' common model
+    model: the robots' common model; it may be given if there is one already of a scenario that has only another seed
+        and other walls
     """
 
     def __init__(
@@ -53,6 +53,7 @@ class Simulator:
         machine: Machine | None = None,
         threads: int | None = None,
         payload: Payload | None = None,
+        model: RobotModel | None = None,
     ) -> None:
         self.scenario = scenario
         self.seed = scenario.seed if seed is None else read_seed(seed)
@@ -63,12 +64,16 @@ class Simulator:
         self.pool = machine.pool or ThreadPool(threads or cores())
         """The threads available to the simulator."""
         self.payload = payload
-        self.bodies = Bodies(scenario, self.seed, machine, payload.sensors if payload else ())
+        rings = scenario.robots.ring.count + 1 if scenario.robots.ring else 0
+        known = None if model is None else model.sensors[: len(model.sensors) - rings]
+        self.bodies = Bodies(scenario, self.seed, machine, payload.sensors if payload else (), known)
         self.world = self.bodies.world
         """The solid things; they may be changed between ticks."""
         self.senses = Senses(self.bodies)
-        functions = (*functions_of(scenario), *(payload.functions if payload else ()))
-        self.model = model_of(scenario, self.bodies.sensors, functions, payload.actuators if payload else ())
+        if model is None:
+            functions = (*functions_of(scenario), *(payload.functions if payload else ()))
+            model = model_of(scenario, self.bodies.sensors, functions, payload.actuators if payload else ())
+        self.model = model
         self.names = names_of(scenario.each_type, scenario.robots.count)
         self.robots = Robots(self.bodies, self.senses, self.model)
         self._pinged = np.zeros(scenario.robots.count, np.uint8)
@@ -99,7 +104,7 @@ class Simulator:
         return self.bodies.y
 
     @property
-    def sayings(self) -> deque[Saying]:
+    def sayings(self) -> list[Saying]:
         """The latest messages that robots have spoken with `TK`."""
         return self.bodies.sayings
 

@@ -12,7 +12,6 @@ A preview reads what robots have learned (operators, buffers) out of their minds
 from __future__ import annotations
 
 import hashlib
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from math import inf, nan
@@ -109,7 +108,7 @@ class Station:
         self.notes = JournalWriter(MemoryJournal() if journal is None else journal)
         self.failures = RuleFailures()
         """What robots reported of rules that they have deactivated."""
-        self.reports: deque[Report] = deque(maxlen=MAX_REPORTS)
+        self.reports: list[Report] = []
         """What robots reported unasked, the latest last."""
         self.listeners: list[Callable[[list[Message]], None]] = []
         """Functions that get the messages of robots, each time some were heard."""
@@ -528,6 +527,7 @@ class Station:
             now = self._clock.now()
             place = self._roster.hear(message.sender, now, message.key)
             if message.kind is Kind.REPORT:
+                del self.reports[: max(0, len(self.reports) + 1 - MAX_REPORTS)]
                 self.reports.append(Report(message.sender, now, message.body))
                 if place is not None and RULE in message.body:
                     self.failures.hear(place, message.body, now)

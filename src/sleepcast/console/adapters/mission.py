@@ -134,7 +134,7 @@ class SwarmMission:
             index = self._index(mission[0])
             if self._brought and index is not None:
                 return
-            order = mission.popleft()
+            order = mission.pop(0)
             if index is None:
                 continue  # somebody has sent it meanwhile
             try:

@@ -275,7 +275,6 @@ class Kernel:
         self._written = frozenset(_written(programs, names))
         self._slots = [which for column, which in self._entries if column == "slot" and isinstance(which, int)]
         self._acted = [which for column, which in self._entries if column == "acted" and isinstance(which, int)]
-        self._groups = [which for column, which in self._entries if column == "group" and isinstance(which, str)]
         self.code = _compiled(text)
         self._begin(bodies, [_bound(bodies, *each) for each in self._calls])
 
@@ -284,8 +283,11 @@ class Kernel:
         self._bodies, self.called = bodies, called
         self.prepared = sorted({(each.prepare, each.senses) for each in called})
         """The functions to be called before it, each with the address of its only argument."""
-        self._bound: list[object] = []
+        self._bound: tuple[object, ...] = ()
+        self._layout = -1
+        """`FleetState.layouts` when the table was filled."""
         self._kept: list[NDArray[np.generic]] = []
+        """What the table has the addresses of, and nobody else keeps."""
         self.bindings = 0
         """How often the table has been filled: as long as it stays the same, so do the addresses in it."""
         self._table = np.zeros(len(self._entries) + 1, np.int64)
@@ -362,14 +364,15 @@ class Kernel:
 
     def bind(self, state: FleetState, part: NDArray[np.uint8], sinks: Sequence[ResultColumns]) -> bool:
         """Fill the address table with the current columns; False if a column has an unexpected type."""
-        now: list[object] = [state.own(slot) for slot in self._slots]
-        now += [state.assigned(slot) for slot in self._acted]
-        now += [state.groups.get(key) for key in self._groups]
-        now += [*sinks, part, state.keys, state.draws]
-        if len(now) == len(self._bound) and all(map(is_, now, self._bound)):
+        now = state, part, *sinks
+        if self._layout == state.layouts and len(now) == len(self._bound) and all(map(is_, now, self._bound)):
             return True
+        for slot in self._slots:
+            state.own(slot)
+        for slot in self._acted:
+            state.assigned(slot)
         nobody = np.zeros(state.count, np.bool_)
-        arrays = []
+        kept: list[NDArray[np.generic]] = [nobody]
         for number, (column, which) in enumerate(self._entries):
             if column in ("tick", "time", "function", "context"):
                 continue
@@ -379,8 +382,8 @@ class Kernel:
             if not array.flags.c_contiguous or array.itemsize != ELEMENTS[column][1] or array.size != state.count:
                 return False
             self._table[number] = array.ctypes.data
-            arrays.append(array)
-        self._bound, self._kept = now, arrays
+            kept += [array] if body else []
+        self._bound, self._kept, self._layout = now, kept, state.layouts
         self.bindings += 1
         return True
 

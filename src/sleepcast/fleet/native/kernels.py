@@ -52,24 +52,20 @@ class Leg(NamedTuple):
     kernel: Kernel | None
 
 
-class SequencePlan:
-    """How the rules of a sequence are evaluated at present.
+class RuleSequence:
+    """Rules that are evaluated one after the other.
 
-    keys: of the rules
-    rounds: number of rounds that asked for it
-    steps: upper bound of the steps that the rules use in a tick
+    steps: upper bound of the steps that they use in a tick
     """
 
     def __init__(self, keys: tuple[str, ...], rules: tuple[Rule, ...], *, calls: bool) -> None:
         self.keys, self.rules = keys, rules
-        self.rounds, self.version = 0, -1
-        self.legs: tuple[Leg, ...] = ()
-        self.native = False
         self.sizes = [Size(program, dict(names), calls=calls) for program, names in rules]
         self.steps = sum(size.steps for size in self.sizes)
-
-    def pieces(self) -> Iterator[tuple[Rule, ...]]:
+        self.pieces = tuple(self._pieces())
         """The compilable rules, grouped into pieces."""
+
+    def _pieces(self) -> Iterator[tuple[Rule, ...]]:
         piece: list[Rule] = []
         parts = 0
         for rule, size in zip(self.rules, self.sizes, strict=True):
@@ -84,9 +80,71 @@ class SequencePlan:
             yield tuple(piece)
 
 
+class SequencePlan:
+    """How the rules of a sequence are evaluated at present.
+
+    rounds: number of rounds that asked for it
+    """
+
+    __slots__ = ("legs", "native", "of", "rounds", "version")
+
+    def __init__(self, of: RuleSequence) -> None:
+        self.of, self.rounds, self.version = of, 0, -1
+        self.legs: tuple[Leg, ...] = ()
+        self.native = False
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Of the rules."""
+        return self.of.keys
+
+
 class MadeKernels(dict[tuple[tuple[Rule, ...], int], Kernel]):
     """Native code by piece and number of lanes: for all fleets whose vocabularies were made `anew` from one, so that
     the second one has it from its first tick."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._sequences: dict[tuple[tuple[str, ...], tuple[Rule, ...]], RuleSequence] = {}
+        self._of_mind: WeakKeyDictionary[Mind, RuleSequence] = WeakKeyDictionary()
+
+    def sequence(self, mind: Mind, *, calls: bool) -> RuleSequence:
+        """The rules of a mind, the same object for equal ones."""
+        found = self._of_mind.get(mind)
+        if found is None:
+            rules = tuple((rule.program, frozenset(meaning([rule.program], mind).items())) for rule in mind.running)
+            if len(self._sequences) >= MAX_KERNELS:
+                self._sequences.clear()
+            found = self._sequences.get((mind.sequence, rules))
+            if found is None:
+                made = RuleSequence(mind.sequence, rules, calls=calls)
+                found = self._sequences.setdefault((mind.sequence, rules), made)  # another thread may have made it
+            found = self._of_mind.setdefault(mind, found)
+        return found
+
+    def known(self, mind: Mind) -> RuleSequence | None:
+        """The rules of a mind, if anybody has asked for them."""
+        return self._of_mind.get(mind)
+
+
+class TakenCode:
+    """Code that was made for another fleet, as a `Future` that is done."""
+
+    __slots__ = ("_code",)
+
+    def __init__(self, code: Kernel | UncompiledError) -> None:
+        self._code = code
+
+    def done(self) -> bool:
+        return True
+
+    def exception(self) -> UncompiledError | None:
+        return self._code if isinstance(self._code, UncompiledError) else None
+
+    def result(self) -> Kernel:
+        if isinstance(self._code, UncompiledError):
+            raise self._code
+        return self._code
 
 
 class Kernels:
@@ -105,12 +163,11 @@ class Kernels:
         bodies: object | None = None,
         made: MadeKernels | None = None,
     ) -> None:
-        self._made = made
+        self._made, self._shares = MadeKernels() if made is None else made, made is not None
         self._hot, self._pool = hot, pool or ThreadPool(THREADS)
         self._bodies = bodies if isinstance(bodies, ManyBodies) else None
-        self._plans: dict[tuple[tuple[str, ...], tuple[Rule, ...]], SequencePlan] = {}
-        self._of_mind: WeakKeyDictionary[Mind, SequencePlan] = WeakKeyDictionary()
-        self._rules: dict[tuple[Rule, ...], Future[Kernel]] = {}
+        self._plans: dict[RuleSequence, SequencePlan] = {}
+        self._rules: dict[tuple[Rule, ...], Future[Kernel] | TakenCode] = {}
         self._texts: dict[Program, int | Future[Kernel] | None] = {}
         self._ready = 0
         self._part: NDArray[np.uint8] = np.zeros(0, np.uint8)
@@ -124,24 +181,19 @@ class Kernels:
 
     def plan(self, mind: Mind, state: FleetState) -> SequencePlan | None:
         """How the rules of a mind are evaluated in the round that begins; None if they are all walked."""
-        plan = self._of_mind.get(mind)
+        sequence = self._made.sequence(mind, calls=self._bodies is not None)
+        plan = self._plans.get(sequence)
         if plan is None:
-            rules = tuple((rule.program, frozenset(meaning([rule.program], mind).items())) for rule in mind.running)
             if len(self._plans) >= MAX_KERNELS:
                 self._plans.clear()
-            plan = self._plans.get((mind.sequence, rules))
-            if plan is None:
-                plan = self._plans[mind.sequence, rules] = SequencePlan(
-                    mind.sequence, rules, calls=self._bodies is not None
-                )
-                self._take_over(plan, lanes(state))
-            self._of_mind[mind] = plan
+            plan = self._plans[sequence] = SequencePlan(sequence)
+            self._take_over(sequence, lanes(state))
         plan.rounds += 1
         if plan.rounds == max(self._hot, 1):
-            self._ask_for(plan, state)
+            self._ask_for(sequence, state)
         if plan.version != self._ready:
             plan.version = self._ready
-            plan.legs = tuple(self._legs(plan.rules))
+            plan.legs = tuple(self._legs(sequence.rules))
             plan.native = any(leg.kernel is not None for leg in plan.legs)
         return plan if plan.native else None
 
@@ -152,7 +204,8 @@ class Kernels:
 
     def known_plan(self, mind: Mind) -> SequencePlan | None:
         """The plan of a mind if native code evaluates all of its rules, as it is now; None otherwise."""
-        plan = self._of_mind.get(mind)
+        sequence = self._made.known(mind)
+        plan = None if sequence is None else self._plans.get(sequence)
         if plan is None or plan.version != self._ready or not plan.legs:
             return None
         return plan if all(leg.kernel is not None for leg in plan.legs) else None
@@ -164,31 +217,30 @@ class Kernels:
         self._part[:] = THERE
         return self._part
 
-    def _take_over(self, plan: SequencePlan, lanes: int) -> None:
+    def _take_over(self, sequence: RuleSequence, lanes: int) -> None:
         """Use what was made for other fleets."""
-        for piece in plan.pieces() if self._made else ():
-            made = None if self._made is None else self._made.get((piece, lanes))
+        for piece in sequence.pieces:
+            made = self._made.get((piece, lanes))
             if made is not None and piece not in self._rules:
-                ready = self._rules[piece] = Future[Kernel]()
                 try:
-                    ready.set_result(made.of(self._bodies))
+                    self._rules[piece] = TakenCode(made.of(self._bodies))
                 except UncompiledError as error:
-                    ready.set_exception(error)
+                    self._rules[piece] = TakenCode(error)
                 self._ready += 1
 
     def _leave(self, piece: tuple[Rule, ...], lanes: int, future: Future[Kernel]) -> None:
         """Let other fleets use what was made for this one."""
-        if future.exception() or self._made is None:
+        if future.exception() or not self._shares:
             return
         if len(self._made) >= MAX_KERNELS:
             self._made.clear()
         self._made[piece, lanes] = future.result().unbound()
 
-    def _ask_for(self, plan: SequencePlan, state: FleetState) -> None:
+    def _ask_for(self, sequence: RuleSequence, state: FleetState) -> None:
         if len(self._rules) >= MAX_KERNELS:
             self._rules.clear()
         busy, asked = any(not code.done() for code in self._rules.values()), list[Future[Kernel]]()
-        for piece in plan.pieces():
+        for piece in sequence.pieces:
             if piece not in self._rules:
                 names = {name: meant for _, some in piece for name, meant in some}
                 programs = [program for program, _ in piece]
@@ -281,7 +333,7 @@ class Kernels:
     def settle(self) -> None:
         """Wait until all requested code is compiled."""
         for code in (*self._rules.values(), *self._texts.values()):
-            if isinstance(code, Future) and not isinstance(code.exception(), UncompiledError):
+            if isinstance(code, Future | TakenCode) and not isinstance(code.exception(), UncompiledError):
                 code.result()
 
 

@@ -9,7 +9,6 @@ random numbers depend on the seed and the robot's number only.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Collection, Iterable, Sequence
 from copy import copy
 from dataclasses import replace
@@ -23,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.core.arrays import filled
+from sleepcast.core.arrays import count_up, filled
 from sleepcast.core.counter_rng import GOLDEN, key, mix, uniform
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.model import Quantity
@@ -101,9 +100,17 @@ class Bodies:
     roaming: turn rate of a wandering body, rad/s
     uses, drains: what each store loses per metre and per second, shape (stores,)
     added: sensors besides those of the scenario
+    sensors: all of them but those of sonars; None makes them
     """
 
-    def __init__(self, scenario: Scenario, seed: int, machine: Machine, added: tuple[Quantity, ...] = ()) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        seed: int,
+        machine: Machine,
+        added: tuple[Quantity, ...] = (),
+        sensors: tuple[Quantity, ...] | None = None,
+    ) -> None:
         robots, specs = scenario.robots, scenario.each_type
         self.scenario, self.seed, self.count = scenario, seed, robots.count
         self.of_each_type = slices(specs, self.count)
@@ -119,13 +126,13 @@ class Bodies:
         self.fence = (0.0, 0.0, scenario.width, scenario.height)
         self.world = World(scenario.shapes)
         self.tick = 0
-        self.sayings: deque[Saying] = deque(maxlen=MAX_SAYINGS)
-        self.sensors = (*sensors_of(scenario), *added)
+        self.sayings = list[Saying]()
+        self.sensors = (*sensors_of(scenario), *added) if sensors is None else sensors
         ring = robots.ring
         own, all_ = len(self.sensors), len(self.sensors) + (ring.count + 1 if ring else 0)
         self.sensed: Floats = filled(np.nan, np.float64, all_, self.count)
         self.known: Floats = filled(np.nan, np.float64, own, self.count) if scenario.noise else self.sensed[:own]
-        self.numbers = np.arange(self.count, dtype=np.uint64)
+        self.numbers = count_up(self.count, np.uint64)
         self.chance = mix(self.numbers * np.uint64(GOLDEN) + np.uint64(key(seed, "bodies")))
         """A key for each robot, uint64."""
         self.encoder_x: Floats = self.known[0]
@@ -286,6 +293,11 @@ class Bodies:
                 if use:
                     exhausted[which] |= row <= 0.0
         return exhausted
+
+    def say(self, saying: Saying) -> None:
+        """Keep what a robot has spoken."""
+        del self.sayings[: max(0, len(self.sayings) + 1 - MAX_SAYINGS)]
+        self.sayings.append(saying)
 
     def forget(self) -> None:
         """Invalidate the spatial index and the sonar readings: bodies have moved."""

@@ -112,7 +112,7 @@ class Body:
         return side
 
     def say(self, text: str) -> None:
-        self._bodies.sayings.append(Saying(self._bodies.time, self.number, text))
+        self._bodies.say(Saying(self._bodies.time, self.number, text))
 
     def turn_wheels(self, right: float, left: float) -> None:
         wheels = self._bodies.part_of(self.number).scenario.robots.wheels

@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.core.arrays import count_up
 from sleepcast.core.counter_rng import key
 from sleepcast.core.errors import MisuseError
 from sleepcast.simulator.engine import Machine
@@ -329,7 +330,7 @@ class Sonars:
             else None
         )
         self._version = -1
-        self._everybody: Whole = np.arange(count)
+        self._everybody: Whole = count_up(count, np.intp)
         self._fresh = np.zeros(count, bool)
         """Robots whose readings are up to date in the `_wanted` rows."""
         self._wanted = np.ones(ring.count + 1, bool)

@@ -9,21 +9,23 @@ Kernels write into scratch memory that worlds may share which are never stepped 
 
 from __future__ import annotations
 
+import threading
 from bisect import bisect_left
 from collections.abc import Collection, Mapping, Sequence
 from functools import cache
 from itertools import pairwise
 from math import frexp, ldexp
-from typing import Any, NamedTuple, TypeAlias, cast
+from typing import NamedTuple, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.core.arrays import LINE, block
+from sleepcast.core.arrays import LINE, Arena
+from sleepcast.core.memory import same
 from sleepcast.core.threads import ThreadPool, borders
 from sleepcast.simulator import fast
 from sleepcast.simulator.bodies.proximity import Sonars
-from sleepcast.simulator.motion.steps import SKIN, BodyColumns, Displacement, Settled, boxes_of
+from sleepcast.simulator.motion.steps import SKIN, BodyColumns, Displacement, Settled
 from sleepcast.simulator.quiet import layout as words
 from sleepcast.simulator.simd.cached import CachedKernel, CachedKernels
 from sleepcast.simulator.simd.formulas import LANES
@@ -34,6 +36,8 @@ from sleepcast.simulator.world.walls import Walls
 
 Words: TypeAlias = NDArray[np.int64]
 
+NOTHING: Words = np.zeros(1, np.int64)
+"""An empty list."""
 kernels_quiet = CachedKernels("quiet.kernels_quiet")
 CALLED: tuple[CachedKernel, ...] = (
     *(fast.kernels_motion.propose, fast.kernels_motion.commit, fast.kernels_motion.gather),
@@ -56,37 +60,15 @@ def compile_ticks() -> None:
 
 
 def flat(value: object) -> list[int]:
-    """An argument as the words that compiled functions pass for it, signed."""
+    """An argument as the words that tell it, signed: of an array, which lies in one piece, its place and shape."""
     if isinstance(value, np.ndarray):
-        return [0, 0, value.size, value.itemsize, value.ctypes.data, *value.shape, *value.strides]
+        assert value.flags.c_contiguous
+        return [value.ctypes.data, *value.shape]
     if isinstance(value, tuple):
         return [word for each in value for word in flat(each)]
     if isinstance(value, float):
         return [int(np.float64(value).view(np.int64))]
     return [int(np.uint64(int(cast(int, value)) & 0xFFFF_FFFF_FFFF_FFFF).view(np.int64))]
-
-
-class Scratch:
-    """Memory for worlds of at most `robots` robots with `sonars` sonars each, in `cells` cells, that are stepped one
-    after the other."""
-
-    def __init__(self, robots: int, sonars: int, cells: int) -> None:
-        reals = [_aligned(np.float64, robots) for _ in range(10)]
-        self.ways = Displacement(*reals[:3])
-        self.free = reals[3]
-        self.stopped = Settled(*reals[4:7])
-        self.before = Settled(*reals[7:])
-        self.rows = _aligned(np.float64, 2, robots)
-        self.near, self.ones = np.zeros(robots, np.bool_), np.ones(robots, np.bool_)
-        self.fixed = np.zeros((2, robots + LANES), np.int32)
-        self.cells, self.counts = np.zeros(robots, np.int32), np.zeros((1, cells), np.int32)
-        self.squares = _aligned(np.float32, robots, sonars)
-        self.everybody = np.arange(robots)
-
-
-def _aligned(dtype: type[np.generic], *shape: int) -> NDArray[Any]:
-    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
-    return block(size).view(dtype).reshape(shape)
 
 
 class Needs(NamedTuple):
@@ -95,6 +77,47 @@ class Needs(NamedTuple):
     robots: int
     sonars: int
     cells: int
+
+
+class Scratch:
+    """Memory for worlds that need no more than this, and are stepped one after the other. Everything lies in one block,
+    at the same places for equal needs."""
+
+    def __init__(self, needs: Needs) -> None:
+        self.needs, arena = needs, Arena()
+        for _ in range(2):  # the arena is large enough once it has been asked for all
+            arena.begin()
+            self._take(arena)
+        self.near[:], self.ones[:], self.fixed[:], self.counts[:] = False, True, 0, 0
+        self.everybody[:] = range(needs.robots)
+        self.first, self.end = self.ways.dx.ctypes.data, self.everybody.ctypes.data + self.everybody.nbytes
+
+    def _take(self, arena: Arena) -> None:
+        robots, sonars, cells = self.needs
+        reals = [arena.take(np.float64, robots) for _ in range(10)]
+        self.ways = Displacement(*reals[:3])
+        self.free = reals[3]
+        self.stopped = Settled(*reals[4:7])
+        self.before = Settled(*reals[7:])
+        self.rows = arena.take(np.float64, 2, robots)
+        self.near, self.ones = arena.take(np.bool_, robots), arena.take(np.bool_, robots)
+        self.fixed = arena.take(np.int32, 2, robots + LANES)
+        self.cells, self.counts = arena.take(np.int32, robots), arena.take(np.int32, 1, cells)
+        self.squares = arena.take(np.float32, robots, sonars)
+        self.everybody = arena.take(np.int64, robots)
+
+    def serves(self, needs: Needs) -> bool:
+        """Whether this is enough."""
+        return all(each <= most for each, most in zip(needs, self.needs, strict=True))
+
+
+class _ThreadScratch(threading.local):
+    """What the worlds have in common that one thread steps, one after the other."""
+
+    scratch: Scratch | None = None
+
+
+_of_thread = _ThreadScratch()
 
 
 def covered(simulator: Simulator) -> bool:
@@ -120,7 +143,7 @@ class BodyBlock:
     def __init__(self, simulator: Simulator) -> None:
         self._simulator, self._bodies = simulator, simulator.bodies
         bodies, grid = self._bodies, self._bodies.near.grid
-        self.words: Words = np.zeros(words.LENGTH, np.int64)
+        self.words: Words = np.zeros(words.LENGTH if bodies.laws.slides else words.BLOCKS[words.SLIDE], np.int64)
         self._reals = self.words.view(np.float64)
         self._points = Sorted(np.zeros(bodies.count, np.int32), np.zeros(grid.cells + 1, np.int32))
         self._close = np.ones(bodies.count, np.bool_)
@@ -134,9 +157,8 @@ class BodyBlock:
         self._some = np.zeros(0 if self._sonars is None else self._sonars.ring.count + 1, np.bool_)
         self._all = ~self._some
         self._scratch: Scratch | None = None
-        self._moves: Sequence[tuple[int, int, int]] | None = None
         self.think((), (), (), {}, 0)
-        self.sample(0, (), sonars=False)
+        self.sample(0, None, sonars=False)
         self.put("senses", words.SENSES, listed(simulator.senses.beginnings or ()))
 
     @property
@@ -150,17 +172,19 @@ class BodyBlock:
     def address(self) -> int:
         return int(self.words.ctypes.data)
 
+    @property
+    def scratch(self) -> Scratch | None:
+        """What kernels write into."""
+        return self._scratch
+
     def use(self, scratch: Scratch) -> None:
         """Let kernels write into this memory."""
-        if scratch is not self._scratch:
-            self._scratch, self._version = scratch, -1
-
-    def share(self, other: BodyBlock) -> bool:
-        """Use the scratch memory of another block. False if it is too small."""
-        if other._scratch is None or any(mine > its for mine, its in zip(self.needs, other.needs, strict=True)):
-            return False
-        self.use(other._scratch)
-        return True
+        before, self._scratch = self._scratch, scratch
+        if before is None or before.needs != scratch.needs:
+            self._version = -1
+        elif before is not scratch:  # no number that a block holds looks like an address in there
+            there = (self.words >= before.first) & (self.words < before.end)
+            self.words[there] += scratch.first - before.first
 
     def put(self, name: str, place: int, numbers: Words) -> None:
         """Put the address of an array of words there."""
@@ -189,13 +213,13 @@ class BodyBlock:
         self.words[words.DRAWN] = drawn
         self.words[words.AWAKE] = bool(legs)
 
-    def sample(self, every: int, moves: Sequence[tuple[int, int, int]], *, sonars: bool) -> None:
-        """What is to be copied after ticks whose number is a multiple of `every` (0: none): from which address to which
-        one, and how many bytes. sonars: whether all of them are wanted then."""
+    def sample(self, every: int, moves: Words | None, *, sonars: bool) -> None:
+        """What is to be copied after ticks whose number is a multiple of `every` (0: none): how many pieces, then of
+        each from which address to which one, and how many words. sonars: whether all of them are wanted then."""
         self.words[words.EVERY], self.words[words.HEARD] = every, sonars
-        if moves is not self._moves:
-            self._moves = moves
-            self.put("moves", words.MOVES, listed([(begin, into, size // 8) for begin, into, size in moves]))
+        moves = NOTHING if moves is None else moves
+        if moves is not self._kept.get("moves"):
+            self.put("moves", words.MOVES, moves)
 
     def begin(self, ticks: int, sampled: bool) -> None:
         """The next call is to make so many ticks. sampled: whether all sonars are wanted in the last one."""
@@ -224,6 +248,20 @@ class BodyBlock:
         """The maxima of the columns of steps."""
         return cast("list[int]", self._steps[2::2].tolist())
 
+    def lend(self) -> None:
+        """Let kernels write into the memory of this thread, which is about to `make` this world's ticks alone."""
+        before = _of_thread.scratch
+        if before is None or not before.serves(self.needs):
+            before = _of_thread.scratch = Scratch(
+                self.needs if before is None else Needs(*map(max, self.needs, before.needs))
+            )
+        if self._scratch is not before:
+            self.use(before)
+
+    def make(self) -> None:
+        """Make the ticks that are to be made, of this world alone."""
+        kernels_quiet.quiet(np.array([self.address]), addresses(), 0, 1)
+
     def prepare(self) -> None:
         """Bring the block up to date with the world."""
         bodies = self._bodies
@@ -235,7 +273,7 @@ class BodyBlock:
 
     def listen(self, rows: Collection[int]) -> None:
         """Which rows of `Simulator.sensed` that sonars fill are wanted in each tick; none: nothing is measured."""
-        wanted = frozenset(rows)
+        wanted = same(frozenset(rows))
         if wanted == self._wanted:
             return
         self._wanted = wanted
@@ -260,7 +298,7 @@ class BodyBlock:
         self.put("texts", words.TEXTS, chance_texts(bodies.seed))
         self.put("keys", words.KEYS, np.zeros(2 * words.PURPOSES, np.int64))
         own[words.KEYED] = -1
-        self._kept["columns"] = columns = bodies.columns
+        columns = bodies.columns
         proposal = scratch.ways.of(slice(0, count))
         draws = np.uint64(0), np.uint64(0), np.uint64(0)
         self._call(words.PROPOSE, columns, bodies.laws, *draws, proposal, 0, count)
@@ -308,12 +346,12 @@ class BodyBlock:
         contact, grid, count = bodies.contact, near.grid, bodies.count
         assert contact is not None
         listed_, solids = near.solids(contact.reach), near.lines
-        boxes = boxes_of(solids)
+        boxes = cast(fast.NumbaMachine, bodies.machine).boxes(solids)
         rows = np.frombuffer(scratch.rows, np.float64, 2 * count).reshape(2, count)
         stopped = [column[:count] for column in scratch.stopped]
         settled = free, bodies.hit_x, bodies.hit_y
         radii = contact.of_each
-        self._kept["contact"] = listed_, solids, boxes, rows, radii
+        self._kept["contact"] = listed_, solids, boxes, radii
         own[words.TOUCHES] = 1
         own[words.CLOSE], own[words.ONES] = self._close.ctypes.data, scratch.ones.ctypes.data
         own[words.NEAR] = scratch.near.ctypes.data
@@ -345,7 +383,7 @@ class BodyBlock:
         order, start = self._points
         lone = ring.lone if ring.lone < np.inf and 1.0 / units <= fast.FINE else -1.0
         heads = bodies.x, bodies.y, bodies.heading
-        self._kept["sonars"] = walls, squares, nothing = walls, squares, np.empty(0)
+        self._kept["sonars"] = walls, nothing = walls, np.empty(0)
         self._reals[words.LONE] = min(ring.lone, cones.reach)
         own[words.SOME_ROWS], own[words.ALL_ROWS] = self._some.ctypes.data, self._all.ctypes.data
         own[words.ECHOES] = bool(sonars.ring.noise or sonars.ring.dropout)
@@ -396,24 +434,24 @@ class WorldTable:
         self._pool = ThreadPool(threads)
         self._borders = borders(len(blocks), threads)
         self._addresses = np.array([each.address for each in blocks], np.int64)
+        self._scratch: list[Scratch] = []
+        """Of each block: the worlds of a stretch have theirs in common."""
         for first, last in pairwise(self._borders):
-            if first == last:
-                continue
-            self._provide(blocks[first:last])
+            if first < last:
+                needs = Needs(*map(max, zip(*(each.needs for each in blocks[first:last]), strict=True)))
+                self._scratch += [Scratch(needs)] * (last - first)
 
-    @staticmethod
-    def _provide(blocks: Sequence[BodyBlock]) -> None:
-        """Give these blocks scratch memory in common."""
-        scratch = Scratch(*map(max, zip(*(each.needs for each in blocks), strict=True)))
-        for each in blocks:
-            each.use(scratch)
+    def provide(self) -> None:
+        """Give each block its scratch memory, before it gets ready: it may have been stepped alone since."""
+        for block, scratch in zip(self._blocks, self._scratch, strict=True):
+            if block.scratch is not scratch:
+                block.use(scratch)
 
     def replace(self, place: int, block: BodyBlock) -> None:
         """Put another world in the place of one."""
-        before, self._blocks[place] = self._blocks[place], block
-        self._addresses[place] = block.address
-        if not block.share(before):
-            self._provide([block])
+        self._blocks[place], self._addresses[place] = block, block.address
+        if not self._scratch[place].serves(block.needs):
+            self._scratch[place] = Scratch(block.needs)
 
     def begin(self, ticks: int, sampled: bool) -> None:
         """See `BodyBlock.begin`, of all worlds."""
@@ -431,6 +469,8 @@ class WorldTable:
 
 def listed(entries: Sequence[tuple[int, ...]]) -> Words:
     """A list as words: how many, then each."""
+    if not entries:
+        return NOTHING
     return np.array([len(entries), *(word for each in entries for word in each)], np.int64)
 
 

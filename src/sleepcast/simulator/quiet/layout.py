@@ -42,7 +42,7 @@ SAMPLES: tuple[tuple[object, ...], ...] = (
 def _size(value: object) -> int:
     """Words of an argument, see `blocks.flat`."""
     if isinstance(value, np.ndarray):
-        return 5 + 2 * value.ndim
+        return 1 + value.ndim
     return sum(map(_size, value)) if isinstance(value, tuple) else 1
 
 
@@ -93,13 +93,11 @@ def _at(kernel: int, argument: int) -> int:
     return BLOCKS[kernel] + sum(map(_size, SAMPLES[kernel][:argument]))
 
 
-DATA = 4
-"""Where, of an array, the address of its data lies."""
 ROAM, LEFT, RIGHT = (_at(PROPOSE, number) for number in (2, 3, 4))
-LONGEST, REACH, CLOSE_ONES = _at(STOP_AT_OLD, 15), _at(STOP_AT_OLD, 16), _at(STOP_AT_OLD, 19) + DATA
+LONGEST, REACH, CLOSE_ONES = _at(STOP_AT_OLD, 15), _at(STOP_AT_OLD, 16), _at(STOP_AT_OLD, 19)
 WAYS_REACH = _at(STOP_AT_WAYS, 11)
 LOOKS_FORWARD, SEEN_BESIDE = _at(SEE, 27), _at(SEE, 32)
-ECHO, DROPOUT, WANTED_ROWS = _at(HEAR, 2) + 2, _at(HEAR, 2) + 3, _at(HEAR, 6) + DATA
+ECHO, DROPOUT, WANTED_ROWS = _at(HEAR, 2) + 2, _at(HEAR, 2) + 3, _at(HEAR, 6)
 (
     AT_PROPOSE,
     AT_COMMIT,

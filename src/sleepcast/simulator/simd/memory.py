@@ -3,6 +3,9 @@ of functions of which only the address is known."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from functools import reduce
+from itertools import count
 from typing import Any
 
 from llvmlite import ir
@@ -72,8 +75,8 @@ def bits_of(typing, number):
 def calling(result: Any, arguments: tuple[Any, ...]) -> Any:
     """A function that calls a kernel by its address. result, arguments: the kernel's types.
 
-    It takes the address, and that of a block of words: the arguments, each taken apart into the numbers that compiled
-    functions pass (see `quiet.blocks.flat`).
+    It takes the address, and that of a block of words: the arguments, each as few numbers as tell it (see
+    `quiet.blocks.flat`).
     """
 
     def call(typing: Any, function: Any, block: Any) -> Any:
@@ -83,8 +86,12 @@ def calling(result: Any, arguments: tuple[Any, ...]) -> Any:
             back, error, *wanted = shape.args
             value = cgutils.alloca_once(build, back.pointee, zfill=True)
             raised = cgutils.alloca_once(build, error.pointee, zfill=True)
-            words = build.inttoptr(given[1], WORD.as_pointer())
-            passed = [_as(build, build.load(build.gep(words, [WORD(i)])), each) for i, each in enumerate(wanted)]
+            block = build.inttoptr(given[1], WORD.as_pointer())
+            words = (build.load(build.gep(block, [WORD(i)])) for i in count())
+            passed = [
+                _as(build, word, kind)
+                for word, kind in zip(_apart(context, build, words, arguments), wanted, strict=True)
+            ]
             code = build.call(build.inttoptr(given[0], shape.as_pointer()), [value, raised, *passed])
             status = convention._get_return_status(build, code, build.load(raised))
             with cgutils.if_unlikely(build, status.is_error):
@@ -94,6 +101,21 @@ def calling(result: Any, arguments: tuple[Any, ...]) -> Any:
         return result(types.int64, types.int64), generate
 
     return intrinsic(call)
+
+
+def _apart(context: Any, build: Any, words: Iterator[Any], arguments: Any) -> Iterator[Any]:
+    """The numbers that compiled functions pass for arguments. words: that tell them."""
+    for each in arguments:
+        if isinstance(each, types.BaseTuple):
+            yield from _apart(context, build, words, each)
+        elif isinstance(each, types.Array):
+            data, shape = next(words), [next(words) for _ in range(each.ndim)]
+            steps = [WORD(context.get_abi_sizeof(context.get_data_type(each.dtype)))]
+            for size in reversed(shape):
+                steps.insert(0, build.mul(size, steps[0]))
+            yield from (WORD(0), WORD(0), reduce(build.mul, shape), steps[-1], data, *shape, *steps[1:])
+        else:
+            yield next(words)
 
 
 def _as(build: Any, value: Any, wanted: Any) -> Any:

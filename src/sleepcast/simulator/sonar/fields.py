@@ -117,20 +117,21 @@ def solid_columns(solids: Floats) -> Floats:
 class Fields:
     """Builds the field of a view; whatever depends on the solids alone is cached until they change."""
 
-    def __init__(self, arena: Arena) -> None:
-        self._arena = arena
+    def __init__(self) -> None:
         self._known: Floats | None = None
         self._solids: Floats = np.empty((0, 6))
 
-    def of(self, view: VisibleScene, share: Callable[[int, Callable[[int, int], None]], object]) -> SonarField:
-        """The field for all cones. view: with the solids inside its cells. share: distributes work among threads."""
+    def of(
+        self, view: VisibleScene, share: Callable[[int, Callable[[int, int], None]], object], arena: Arena
+    ) -> SonarField:
+        """The field for all cones. view: with the solids inside its cells. share: distributes work among threads.
+        arena: where it lies, until the next task."""
         assert isinstance(view.listed, CellLists)
         if self._known is not view.solids:
             self._known, self._solids = view.solids, solid_columns(view.solids)
         order, start = view.points
-        self._arena.begin()
-        sorted_poses = self._arena.take(np.float64, 4, len(order))
-        short = self._arena.take(np.float32, 2, len(order) + LANES)
+        sorted_poses = arena.take(np.float64, 4, len(order))
+        short = arena.take(np.float32, 2, len(order) + LANES)
         short[:, len(order) :] = AWAY
 
         def work(first: int, last: int) -> None:

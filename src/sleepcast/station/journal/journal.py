@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sized
 from contextlib import contextmanager
 from enum import StrEnum
@@ -106,7 +105,7 @@ class MemoryJournal:
     """The latest `MAX_ENTRIES` entries, or fewer if these take more than `MAX_BYTES`, gone when the program ends."""
 
     def __init__(self, size: int = MAX_ENTRIES, most: int = MAX_BYTES) -> None:
-        self._entries: deque[JournalEntry] = deque()
+        self._entries: dict[int, JournalEntry] = {}
         self._size, self._most = size, most
         self._written = self._bytes = 0
 
@@ -118,14 +117,14 @@ class MemoryJournal:
 
     def _take(self, entry: JournalEntry) -> None:
         """Hold one more, and let go of the oldest that are too many."""
-        self._entries.append(entry)
+        self._entries[entry.number] = entry
         self._bytes += size_of(entry)
         while len(self._entries) > self._size or (self._bytes > self._most and len(self._entries) > 1):
-            self._bytes -= size_of(self._entries.popleft())
+            self._bytes -= size_of(self._entries.pop(self.dropped + 1))
 
     def entries(self, after: int = 0) -> list[JournalEntry]:
         """The stored entries with a number above `after`, oldest first."""
-        return [entry for entry in self._entries if entry.number > after]
+        return [entry for entry in self._entries.values() if entry.number > after]
 
     @property
     def dropped(self) -> int:
@@ -156,14 +155,16 @@ class JournalWriter:
     def __init__(self, journal: Journal) -> None:
         self.journal = journal
         self.trouble = ""
-        self._kept: deque[PendingEntry] = deque(maxlen=MAX_KEPT)
+        self._kept: list[PendingEntry] = []
         self._lost = 0
         self._next = 0.0
         self._gathering = False
 
     def write(self, note: PendingEntry) -> None:
         """Write something down that has happened."""
-        self._lost += len(self._kept) == MAX_KEPT
+        if len(self._kept) == MAX_KEPT:
+            self._lost += 1
+            del self._kept[0]
         self._kept.append(note)
         if not self._gathering and (not self.trouble or note.time >= self._next):
             self._put_down(note.time)

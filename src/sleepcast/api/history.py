@@ -30,6 +30,7 @@ class History:
 
     @property
     def names(self) -> tuple[str, ...]:
+        """The names of the robots, in the order of the columns."""
         return tuple(self._names)
 
     @property

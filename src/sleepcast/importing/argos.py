@@ -16,7 +16,7 @@ from xml.parsers import expat
 import numpy as np
 
 from sleepcast.core.settings import SettingsError, read_text
-from sleepcast.importing.found import Disc, Found, Frame, Hardware, RobotsOfType, Outline, Point, rectangle
+from sleepcast.importing.found import Disc, Found, FoundRobots, Frame, Hardware, Outline, Point, rectangle
 from sleepcast.simulator.scenario.starts import StartPose
 
 MAX_FILE = 4 * 1_048_576
@@ -175,11 +175,11 @@ class _Experiment:
             width, depth, _ = self._vector(each, "size", 3)
             self.found.solids.append(Outline(rectangle(frame, width, depth)))
 
-    def _robots_like(self, tag: str) -> RobotsOfType:
+    def _robots_like(self, tag: str) -> FoundRobots:
         """The robots of a kind that are placed one by one."""
         robots = next((each for each in self.found.robots if each.type == tag and each.poses), None)
         if robots is None:
-            robots = RobotsOfType(tag, self._hardware(tag))
+            robots = FoundRobots(tag, self._hardware(tag))
             self.found.robots.append(robots)
         return robots
 
@@ -207,7 +207,7 @@ class _Experiment:
             if self._turn(each.first("orientation")) is not None:
                 self.found.leave_out("headings of robots by chance", "these robots start with headings by chance, too")
             self.found.robots.append(
-                RobotsOfType(thing.tag, self._hardware(thing.tag), count=count, box=self._box(position, method))
+                FoundRobots(thing.tag, self._hardware(thing.tag), count=count, box=self._box(position, method))
             )
             return
         turn = self._turn(each.first("orientation"))

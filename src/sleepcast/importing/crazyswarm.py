@@ -12,7 +12,7 @@ from typing import Any
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.extras import installing
 from sleepcast.core.settings import SettingsError, read_text
-from sleepcast.importing.found import Found, Hardware, RobotsOfType
+from sleepcast.importing.found import Found, FoundRobots, Hardware
 from sleepcast.simulator.scenario.starts import StartPose
 
 MAX_FILE = 1_048_576
@@ -66,7 +66,7 @@ def _add(path: Path, found: Found, name: str, settings: object) -> None:
     kind = str(settings.get("type", "crazyflie"))
     same = next((each for each in found.robots if each.type == kind), None)
     if same is None:
-        same = RobotsOfType(kind, CRAZYFLIE)
+        same = FoundRobots(kind, CRAZYFLIE)
         found.robots.append(same)
     same.poses.append(StartPose(float(place[0]), float(place[1]), 0.0, name))
     for key in sorted({str(key) for key in settings} - {"enabled", "initial_position", "type"}):

@@ -20,7 +20,7 @@ from tempfile import mkdtemp
 from sleepcast.channel.message import is_robot_name
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.extras import installing
-from sleepcast.importing.found import Bitmap, Disc, Found, RobotsOfType, Point, bounds
+from sleepcast.importing.found import Bitmap, Disc, Found, FoundRobots, Point, bounds
 from sleepcast.simulator.scenario.starts import StartPose
 
 MAX_TYPES = 8
@@ -56,12 +56,10 @@ def _settle_robots(found: Found) -> None:
         found.leave_out("robots", "the file has none; one Scout stands for them")
     if len(found.robots) <= MAX_TYPES:
         return
-    joined: dict[object, RobotsOfType] = {}
+    joined: dict[object, FoundRobots] = {}
     for each in found.robots:
         key = each.hardware if each.poses else id(each)
-        joined.setdefault(key, RobotsOfType(each.type, each.hardware, [], each.count, each.box)).poses.extend(
-            each.poses
-        )
+        joined.setdefault(key, FoundRobots(each.type, each.hardware, [], each.count, each.box)).poses.extend(each.poses)
     by_number = sorted(joined.values(), key=lambda each: -(len(each.poses) or each.count))
     found.leave_out(
         f"{len(found.robots)} types of robots", f"those with equal bodies are one; a scenario has {MAX_TYPES}"
@@ -200,12 +198,12 @@ class _Text:
         for robots in kinds:
             yield from ("", head, *self._robot_type(robots, names), *_hardware(robots, many=len(kinds) > 1))
 
-    def _robot_names(self, kinds: list[RobotsOfType]) -> set[str]:
+    def _robot_names(self, kinds: list[FoundRobots]) -> set[str]:
         """The names that poses may have: each robot's own, and none that a robot without a name would get."""
         named = [pose.name for robots in kinds for pose in robots.poses]
         return {name for name in named if named.count(name) == 1 and is_robot_name(name)}
 
-    def _robot_type(self, robots: RobotsOfType, names: set[str]) -> Iterator[str]:
+    def _robot_type(self, robots: FoundRobots, names: set[str]) -> Iterator[str]:
         yield f'type = "{self._name(robots.type)}"'
         yield 'motion = "still"'
         if robots.poses:
@@ -246,7 +244,7 @@ class _Text:
         yield f'y = "{_number(point[1] - self._low[1])}m"'
 
 
-def _hardware(robots: RobotsOfType, *, many: bool) -> Iterator[str]:
+def _hardware(robots: FoundRobots, *, many: bool) -> Iterator[str]:
     """What the bodies of a type can do."""
     hardware, dot = robots.hardware, "robots."
     yield from ("", f"[{dot}limits]", f'speed = "{_number(hardware.speed)}m/s"')

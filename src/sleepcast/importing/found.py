@@ -90,7 +90,7 @@ class Hardware:
 
 
 @dataclass(slots=True)
-class RobotsOfType:
+class FoundRobots:
     """Robots of one type: their poses, or a count of them by chance within `box` (lower left, upper right corner)."""
 
     type: str
@@ -115,7 +115,7 @@ class Found:
     reach: float = 0.0
     solids: list[Outline | Disc] = field(default_factory=list)
     cells: Bitmap | None = None
-    robots: list[RobotsOfType] = field(default_factory=list)
+    robots: list[FoundRobots] = field(default_factory=list)
     places: dict[str, tuple[Point, str]] = field(default_factory=dict)
     areas: dict[str, tuple[Point, ...] | Disc] = field(default_factory=dict)
     lights: dict[str, Point] = field(default_factory=dict)

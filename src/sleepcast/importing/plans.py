@@ -13,7 +13,7 @@ from pathlib import Path
 
 from sleepcast.core.geodesy import FARTHEST, LocalMap, Origin
 from sleepcast.core.settings import SettingsError, read_text
-from sleepcast.importing.found import Disc, Found, Hardware, RobotsOfType, Point
+from sleepcast.importing.found import Disc, Found, FoundRobots, Hardware, Point
 from sleepcast.simulator.scenario.starts import StartPose
 
 MAX_FILE = 16 * 1_048_576
@@ -182,7 +182,7 @@ class _Mission:
         about = f"Imported from {path.name}, {what}. Home is at {origin.latitude:.7f},{origin.longitude:.7f}."
         self.found = Found(path.stem, about, margin=ROOM)
         name, hardware = kind
-        self.found.robots.append(RobotsOfType(name, hardware, [StartPose(0.0, 0.0, 0.0, f"{name}1")]))
+        self.found.robots.append(FoundRobots(name, hardware, [StartPose(0.0, 0.0, 0.0, f"{name}1")]))
         self.found.places["home"] = (0.0, 0.0), "home"
 
     def place(self, name: str, title: str, at: Point) -> bool:

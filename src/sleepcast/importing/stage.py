@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.settings import SettingsError, read_text
-from sleepcast.importing.found import Bitmap, Found, Frame, Hardware, RobotsOfType, Outline, Point, bounds, rectangle
+from sleepcast.importing.found import Bitmap, Found, FoundRobots, Frame, Hardware, Outline, Point, bounds, rectangle
 from sleepcast.simulator.scenario.starts import StartPose
 from sleepcast.simulator.world.ros_map import MAX_PIXELS, contours, picture
 
@@ -247,7 +247,7 @@ class _World:
             (each for each in self._found.robots if (each.type, each.hardware) == (written.base, hardware)), None
         )
         if same is None:
-            same = RobotsOfType(written.base, hardware)
+            same = FoundRobots(written.base, hardware)
             self._found.robots.append(same)
         same.poses.append(StartPose(frame.x, frame.y, frame.turn, str(model.values.get("name", ""))))
         if "ctrl" in model.values:

@@ -214,7 +214,7 @@ def test_a_stop_of_anybody_is_seen(air: Page, channel: str) -> None:
     assert own["latched"]
     assert called("release", "--channel", channel).status == 0
     air.until("safety", lambda news: not news["latched"])
-    assert called("stop", "--channel", channel).status == 0
+    assert called("stop", "--accepted", "--channel", channel).status == 0, "fast craft brake for half a minute"
     other = air.until("safety", lambda news: news["sentence"].endswith("12 of 12 robots heard so far report stopped."))
     assert (other["latched"], other["sentence"].startswith("STOP by ")) == (True, True)
     air.tell("release")

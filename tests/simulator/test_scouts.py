@@ -275,7 +275,7 @@ class TestContact:
         for name in ("x", "y", "heading", "encoder_x", "encoder_y", "encoder_heading", "wanted_speed", "wanted_turn"):
             getattr(other.bodies, name)[:] = getattr(one.bodies, name)[::-1]
         other.bodies.chance[:] = other.bodies.chance[::-1]
-        other.bodies.numbers[:] = other.bodies.numbers[::-1].copy()
+        other.bodies.numbers = other.bodies.numbers[::-1].copy()
         run(one, 20)
         run(other, 20)
         assert (one.x == other.x[::-1]).all()

@@ -75,7 +75,7 @@ def test_what_robots_said_before_a_command_does_not_count_after_it() -> None:
     """A poll is telemetry of another kind."""
     scene = Scene(robots=2)
     desk = scene.desk()
-    desk.session.listen = scene.run  # type: ignore[method-assign]
+    desk.session.listen = lambda seconds, _=0.0: scene.run(seconds)  # type: ignore[method-assign]
     desk.poll(MEMBERS, 0.5)
     assert set(desk.prepare(MEMBERS).forecast.no) == {"r0", "r1"}
     desk.send("(JOIN bravo)", only=["r0"])

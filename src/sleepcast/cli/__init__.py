@@ -35,7 +35,7 @@ COMMANDS = {
     "sweep": ("sleepcast.cli.sweep", "sweep", "Run a scenario many times, with other settings and seeds."),
     "plot": ("sleepcast.cli.sweep", "plot", "Draw a figure of what a sweep has found."),
     "scenarios": ("sleepcast.cli.scenarios", "scenarios", "List the scenarios, or show the page of one."),
-    "import": ("sleepcast.cli.import_", "import_", "Make a scenario of a file of ARGoS, Stage or a ground station."),
+    "import": ("sleepcast.cli.import_", "import_", "Make a scenario of a file of another program."),
     "prepare": ("sleepcast.cli.prepare", "prepare", "Compile the simulator now, so that no later start waits."),
     "node": ("sleepcast.cli.node", "node", "Run one robot's mind with a real body."),
     "swarm": ("sleepcast.cli.swarm", "swarm", "Run many robots on the air in one process."),

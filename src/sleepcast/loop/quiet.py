@@ -108,10 +108,7 @@ class QuietWorld:
 
     def make(self, most: int) -> int:
         """Make so many quiet ticks, or fewer; gives how many, 0 if the next tick is none."""
-        if self.block is None:
-            return 0
-        self.block.lend()
-        if not self.begin(most):
+        if self.block is None or not self.begin(most, alone=True):
             return 0
         try:
             self.block.make()
@@ -188,12 +185,15 @@ class QuietWorld:
 
     # ---- making them
 
-    def begin(self, most: int) -> int:
-        """Get ready for so many quiet ticks, or fewer; gives how many. `end` is to follow once they are made."""
+    def begin(self, most: int, *, alone: bool = False) -> int:
+        """Get ready for so many quiet ticks, or fewer; gives how many. `end` is to follow once they are made. alone: by
+        this thread, of this world only."""
         ticks = self.quiet_for(most)
         if not ticks or self.block is None:
             return 0
         swarm, block, minds = self._swarm, self.block, self._minds
+        if alone:
+            block.lend()
         for witness in swarm.witnesses:
             witness.ticking()
         if minds.looks != self._told:

@@ -306,7 +306,7 @@ class TestOneOfTheSwarm:
         until(lambda: value(joined, "(IF (> x 0m) speed 9)") == 0.0)
 
     def test_it_stops_with_the_others_and_is_released_with_them(self, joined: str) -> None:
-        until(lambda: sorted(account(joined, "stop")["matched"]) == ALL)
+        until(lambda: sorted(account(joined, "stop", "--accepted")["matched"]) == ALL)
         until(lambda: sorted(account(joined, "release")["matched"]) == ALL)
 
 

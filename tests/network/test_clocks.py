@@ -111,14 +111,14 @@ def test_stop_reaches_robots_with_any_clock_and_everybody_is_told(fleet: Fleet) 
         assert says(line, told), told
     ours = "our clock is {hour} ahead of that of desk: nothing but STOP is obeyed"
     wait_for(lambda: says(ours, fleet.told["hour"].read_text()))
-    stopped, _ = fleet.say("stop")
+    stopped, _ = fleet.say("stop", "--accepted")
     assert sorted(stopped["matched"]) == names  # type: ignore[call-overload]
 
 
 def test_an_operator_an_hour_ahead_is_told_so_and_stops_everybody(fleet: Fleet) -> None:
     fleet.swarm("r", count=10)
     wait_for(lambda: fleet.say("ask", "id")[0]["n_matched"] == 10)  # so that an operator knows whom to expect
-    stopped, _ = fleet.say("stop", clock="+3600")
+    stopped, _ = fleet.say("stop", "--accepted", clock="+3600")
     assert stopped["n_matched"] == 10
     yours = (
         "your clock is {hour} ahead of 10 robots: they obey nothing but your STOP; set it, and start sleepcast again"

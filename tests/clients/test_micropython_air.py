@@ -189,7 +189,8 @@ def test_sixty_rules_fit_into_a_whole_node_and_it_goes_on_obeying(folder: Path, 
         assert value > 6.0, "all rules run at every tick"
         # There is memory left for long messages, refusals and reasons, and for all that strangers send.
         assert desk.ask(f"(PROGN {'(SETQ lamp 0) ' * 20})")["outcome"] == "matched"
-        assert "not a function" in str(desk.ask("(lamp 1)")["fault"])
+        # On a busy machine the desk repeats what is answered late, which fills what is free for a moment.
+        until(lambda: "not a function" in str(desk.ask("(lamp 1)")["fault"]))
         for _ in range(50):
             desk.forge(f"(PROGN {'(SETQ lamp 9) ' * 60})")
             desk.forge("", Kind.STOP)

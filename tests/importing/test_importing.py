@@ -161,6 +161,8 @@ def test_a_world_of_stage(imported: Import, tmp_path: Path) -> None:
     assert (left, right) == (pytest.approx(-2.0), pytest.approx(6.0)), "what is dark is 8 m wide, the margin is not"
     block = next(each for each in found.solids if isinstance(each, Outline) and len(each.corners) == 3)
     assert max(y for _, y in block.corners) - min(y for _, y in block.corners) == pytest.approx(2.0)
+    around = next(each for each in found.solids if isinstance(each, Outline) and not each.closed)
+    assert len(around.corners) == 5, "a boundary is a wall, and no area"
     assert [each.name for each in scenario.areas] == ["home"]
     at = starts(scenario)
     assert (at["r1"][0] - at["r0"][0], at["r0"][2], at["r1"][2]) == (2.0, 90.0, -90.0)

@@ -278,7 +278,8 @@ class _World:
         elif model.values.get("blocks") != "0":
             self._found.solids.append(Outline(rectangle(frame, width, height)))
         if model.values.get("boundary", "0") != "0":
-            self._found.solids.append(Outline(rectangle(frame, width, height)))
+            corners = rectangle(frame, width, height)
+            self._found.solids.append(Outline((*corners, corners[0]), closed=False))  # a wall around, open inside
 
     def _block(self, block: Model) -> list[Point]:
         """The corners of a block, in the order of their numbers."""

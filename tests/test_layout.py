@@ -74,7 +74,7 @@ HOUSE = {
     "api": room("language channel robot mind node fleet simulator loop station notebook", "numpy", "rich nanoarrow"),
     "experiments": room("language simulator api", "msgspec numpy", "distributed matplotlib optuna pyarrow scipy"),
     "experiment_page": room("loop console experiments", "starlette msgspec"),
-    "importing": room("channel simulator", "numpy", late="yaml PIL"),
+    "importing": room("channel simulator", "numpy", late="PIL"),
     "gym": room("language columns simulator loop api experiments", "gymnasium pettingzoo numpy"),
     "cli": room(
         "language sentences channel robot mind node fleet simulator bridges loop station tak api experiments importing "

@@ -18,6 +18,7 @@ import numpy as np
 from sleepcast.core.settings import SettingsError, read_text
 from sleepcast.importing.found import Disc, Found, FoundRobots, Frame, Hardware, Outline, Point, rectangle
 from sleepcast.simulator.scenario.starts import StartPose
+from sleepcast.simulator.world.drawing import parse_xml
 
 MAX_FILE = 4 * 1_048_576
 """Bytes of an experiment: those of people have some thousand."""
@@ -74,11 +75,7 @@ class _Tree:
         self._parser.EntityDeclHandler = self._entity
 
     def read(self, text: str) -> Element:
-        try:
-            self._parser.Parse(text.encode(), True)
-        except expat.ExpatError as error:
-            said = expat.errors.messages.get(error.code, error.code)
-            raise SettingsError(f"{self._path}:{error.lineno}: not XML: {said}") from None
+        parse_xml(self._parser, text, self._path)
         return self._open[0].inside[0]
 
     def _start(self, tag: str, values: dict[str, str]) -> None:

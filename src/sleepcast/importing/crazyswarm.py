@@ -7,13 +7,11 @@ from __future__ import annotations
 
 from math import isfinite
 from pathlib import Path
-from typing import Any
 
-from sleepcast.core.errors import MisuseError
-from sleepcast.core.extras import installing
-from sleepcast.core.settings import SettingsError, read_text
+from sleepcast.core.settings import SettingsError
 from sleepcast.importing.found import Found, FoundRobots, Hardware
 from sleepcast.simulator.scenario.starts import StartPose
+from sleepcast.simulator.world.ros_map import yaml_document
 
 MAX_FILE = 1_048_576
 MAX_ROBOTS = 1_000
@@ -27,10 +25,11 @@ ROOM = 2.0
 
 def read_crazyflies(path: Path) -> Found:
     """The Crazyflies of a file. Raises SettingsError with file and key, MisuseError without PyYAML."""
-    values = _yaml(path)
-    robots = values.get("robots") if isinstance(values, dict) else None
+    wanted = "no crazyflies.yaml: wanted a table robots with at least one robot"
+    values = yaml_document(path, MAX_FILE, wanted, "it has aliases: write the values out").values
+    robots = values.get("robots")
     if not isinstance(robots, dict) or not robots:
-        raise SettingsError(f"{path}: no crazyflies.yaml: wanted a table robots with at least one robot")
+        raise SettingsError(f"{path}: {wanted}")
     if len(robots) > MAX_ROBOTS:
         raise SettingsError(f"{path}: robots: {len(robots)} of them; at most {MAX_ROBOTS} fit")
     found = Found(path.stem, f"Imported from {path.name}, a fleet of Crazyswarm2.", margin=ROOM)
@@ -75,24 +74,3 @@ def _add(path: Path, found: Found, name: str, settings: object) -> None:
 
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
-
-
-def _yaml(path: Path) -> Any:
-    """The values of a YAML file that runs nothing and has no aliases, by which a small file could be a huge one."""
-    try:
-        import yaml
-    except ImportError:
-        raise MisuseError(
-            f"this file is read with PyYAML, which is not here; to install it: {installing('maps')}"
-        ) from None
-    text = read_text(path, MAX_FILE, "such a file")
-    try:
-        for token in yaml.scan(text, yaml.SafeLoader):
-            if isinstance(token, yaml.AliasToken):
-                raise SettingsError(f"{path}:{token.start_mark.line + 1}: it has aliases: write the values out")
-        return yaml.safe_load(text)
-    except yaml.MarkedYAMLError as error:
-        line = error.problem_mark.line + 1 if error.problem_mark else 1
-        raise SettingsError(f"{path}:{line}: not YAML: {error.problem or error.context}") from None
-    except (yaml.YAMLError, ValueError, RecursionError, LookupError, AttributeError) as error:
-        raise SettingsError(f"{path}:1: not YAML: {str(error).splitlines()[0]}") from None

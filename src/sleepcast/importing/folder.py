@@ -20,13 +20,13 @@ from tempfile import mkdtemp
 from sleepcast.channel.message import is_robot_name
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.extras import installing
-from sleepcast.importing.found import Bitmap, Disc, Found, FoundRobots, Point, bounds
+from sleepcast.core.settings import MAX_BYTES
+from sleepcast.importing.found import Bitmap, Disc, Found, FoundRobots, Hardware, Point, bounds
+from sleepcast.simulator.scenario.robot_types import MAX_TYPES
 from sleepcast.simulator.scenario.starts import StartPose
 
-MAX_TYPES = 8
-MAX_FILE = 1_048_576
 NEAR = 2.0
-"""Radii of a body, or metres for large ones, at which a place counts as reached."""
+"""Radii of a body from a place at which it has reached it, or a metre if that is more."""
 
 
 def write_folder(found: Found, folder: Path, check: Callable[[Path], object]) -> None:
@@ -87,8 +87,8 @@ def _open(found: Found, folder: Path, check: Callable[[Path], object]) -> None:
 
 def _files(found: Found) -> dict[str, bytes]:
     text = "\n".join(_Text(found).lines()) + "\n"
-    if len(text) > MAX_FILE:
-        raise MisuseError(f"it would be a scenario of {len(text)} characters; at most {MAX_FILE} fit")
+    if len(text) > MAX_BYTES:
+        raise MisuseError(f"it would be a scenario of {len(text)} characters; at most {MAX_BYTES} fit")
     files = {"scenario.toml": text.encode()}
     if found.cells is not None:
         files |= {"map.png": _picture(found.cells), "map.yaml": _map_yaml(found.cells).encode()}
@@ -196,7 +196,7 @@ class _Text:
         head = "[[robots]]" if len(kinds) > 1 else "[robots]"
         names = self._robot_names(kinds)
         for robots in kinds:
-            yield from ("", head, *self._robot_type(robots, names), *_hardware(robots, many=len(kinds) > 1))
+            yield from ("", head, *self._robot_type(robots, names), *_hardware(robots.hardware))
 
     def _robot_names(self, kinds: list[FoundRobots]) -> set[str]:
         """The names that poses may have: each robot's own, and none that a robot without a name would get."""
@@ -244,17 +244,16 @@ class _Text:
         yield f'y = "{_number(point[1] - self._low[1])}m"'
 
 
-def _hardware(robots: FoundRobots, *, many: bool) -> Iterator[str]:
+def _hardware(hardware: Hardware) -> Iterator[str]:
     """What the bodies of a type can do."""
-    hardware, dot = robots.hardware, "robots."
-    yield from ("", f"[{dot}limits]", f'speed = "{_number(hardware.speed)}m/s"')
+    yield from ("", "[robots.limits]", f'speed = "{_number(hardware.speed)}m/s"')
     yield f'turn_rate = "{_number(degrees(hardware.turn_rate))}deg/s"'
     yield f'acceleration = "{_number(hardware.acceleration)}m/s2"'
-    yield from ("", f"[{dot}body]", f'radius = "{_number(hardware.radius)}m"')
+    yield from ("", "[robots.body]", f'radius = "{_number(hardware.radius)}m"')
     if hardware.solid:
         yield from ("bumpers = 8", 'contact = "slide"')
     if hardware.track:
-        yield from ("", f"[{dot}wheels]", f'track = "{_number(hardware.track)}m"')
+        yield from ("", "[robots.wheels]", f'track = "{_number(hardware.track)}m"')
 
 
 def _number(value: float) -> str:

@@ -14,12 +14,13 @@ from pathlib import Path
 from sleepcast.core.geodesy import FARTHEST, LocalMap, Origin
 from sleepcast.core.settings import SettingsError, read_text
 from sleepcast.importing.found import Disc, Found, FoundRobots, Hardware, Point
+from sleepcast.simulator.scenario.areas import MAX_AREAS, MAX_CORNERS
+from sleepcast.simulator.scenario.scenario import MAX_PLACES
 from sleepcast.simulator.scenario.starts import StartPose
 
 MAX_FILE = 16 * 1_048_576
 MAX_ITEMS = 100_000
-MAX_AREAS, MAX_CORNERS = 32, 48
-MAX_STOPS = 31
+MAX_STOPS = MAX_PLACES - 1
 """Waypoints of a mission: a scenario has 32 places, and one is home."""
 ROOM = 20.0
 """m of open space around a plan."""
@@ -191,7 +192,7 @@ class _Mission:
         if point is None:
             self.found.leave_out("places farther than 1,000 km", "no flat map reaches them")
         elif len(self.found.places) > MAX_STOPS:
-            self.found.leave_out("further places", f"a scenario has {MAX_STOPS + 1} of them")
+            self.found.leave_out("further places", f"a scenario has {MAX_PLACES} of them")
         else:
             self.found.places[name] = point, title
             return True

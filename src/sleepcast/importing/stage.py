@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.settings import SettingsError, read_text
 from sleepcast.importing.found import Bitmap, Found, FoundRobots, Frame, Hardware, Outline, Point, bounds, rectangle
+from sleepcast.simulator.scenario.areas import MAX_AREAS
 from sleepcast.simulator.scenario.starts import StartPose
 from sleepcast.simulator.world.ros_map import MAX_PIXELS, contours, picture
 
@@ -262,7 +263,7 @@ class _World:
         width, height = self._size(model)
         touched, seen = (model.values.get(key, "1") != "0" for key in ("obstacle_return", "ranger_return"))
         if not touched and (not seen or model.values.get("ranger_return") == "-1"):
-            if len(self._found.areas) < 32:
+            if len(self._found.areas) < MAX_AREAS:
                 self._found.areas[str(model.values.get("name", written.base))] = rectangle(frame, width, height)
             return
         if not touched:

@@ -308,6 +308,15 @@ def _rectangle(attributes: dict[str, str]) -> list[Subpath]:
     )
 
 
+def parse_xml(parser: expat.XMLParserType, text: str, path: Path) -> None:
+    """Let a parser go through the text of a file. Raises SettingsError for what is not XML."""
+    try:
+        parser.Parse(text.encode(), True)
+    except expat.ExpatError as error:
+        said = expat.errors.messages.get(error.code, error.code)
+        raise SettingsError(f"{path}:{error.lineno}: not XML: {said}") from None
+
+
 def _parser() -> expat.XMLParserType:
     return expat.ParserCreate("utf-8", " ")  # whatever encoding the file declares: it was read as this one
 
@@ -384,11 +393,7 @@ class _DrawingReader:
         self._parser = _parser()
         self._parser.StartElementHandler = self._start
         self._parser.EndElementHandler = self._end
-        try:
-            self._parser.Parse(text.encode(), True)
-        except expat.ExpatError as error:
-            said = expat.errors.messages.get(error.code, error.code)
-            raise SettingsError(f"{self._path}:{error.lineno}: not XML: {said}") from None
+        parse_xml(self._parser, text, self._path)
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         space, _, name = tag.rpartition(" ")

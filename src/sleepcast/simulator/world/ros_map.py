@@ -99,7 +99,8 @@ def _moved(point: Point, move: Point) -> Point:
 def read_map(path: Path) -> RosMap:
     """The map described by the YAML file at `path`. Raises SettingsError with the file and, where known, the line;
     MisuseError if a library is missing."""
-    table = _document(path).root()
+    needs = "no map: wanted lines such as resolution: 0.05"
+    table = yaml_document(path, MAX_YAML, needs, "a map needs no aliases: write the value out").root()
     resolution = table.number("resolution", LENGTH, low=FINEST, high=COARSEST)
     x, y, yaw = table.numbers("origin", ("x", "y", "yaw"))
     mode = table.text("mode", "trinary", choices=MODES)
@@ -116,25 +117,27 @@ def read_map(path: Path) -> RosMap:
     return RosMap(solid[::-1], unknown[::-1], resolution, x, y, yaw, file, opened)
 
 
-def _document(path: Path) -> Document:
-    """The values of a YAML file that holds one table, and the line of each key."""
+def yaml_document(path: Path, most: int, wanted: str, aliases: str) -> Document:
+    """The values of a YAML file of at most `most` bytes that holds one table, and the line of each key. It runs
+    nothing, and has no aliases, by which a small file could be a huge one. wanted, aliases: what to say of another
+    file, and of one with aliases. Raises SettingsError, and MisuseError without PyYAML."""
     try:
         import yaml
     except ImportError:
         raise _missing("PyYAML") from None
-    text = read_text(path, MAX_YAML)
+    text = read_text(path, most)
     try:
         for token in yaml.scan(text, yaml.SafeLoader):
             if isinstance(token, yaml.AliasToken):
-                raise SettingsError(f"{path}:{token.start_mark.line + 1}: a map needs no aliases: write the value out")
+                raise SettingsError(f"{path}:{token.start_mark.line + 1}: {aliases}")
         loader = yaml.SafeLoader(text)
         node = loader.get_single_node()
         if not isinstance(node, yaml.MappingNode):
-            raise SettingsError(f"{path}:1: no map: wanted lines such as resolution: 0.05")
+            raise SettingsError(f"{path}:1: {wanted}")
         lines: dict[Path_, int] = {(str(key.value),): key.start_mark.line + 1 for key, _ in node.value}
         document = loader.construct_document(node)
         if not isinstance(document, dict):  # for example a set
-            raise SettingsError(f"{path}:1: no map: wanted lines such as resolution: 0.05")
+            raise SettingsError(f"{path}:1: {wanted}")
         values: dict[str, object] = {str(key): value for key, value in document.items()}
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1

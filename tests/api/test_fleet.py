@@ -173,6 +173,16 @@ class TestReading:
             with pytest.raises(ValueError, match="read-only"):
                 array[0] = 1
 
+    def test_arrays_stay_as_they_were_when_time_goes_on(self) -> None:
+        fleet = bravo()
+        fleet.send("(RULE go (DRIVE 5m/s 2deg/s))", everybody=True)
+        x, y, heading, stopped = fleet.run(1).x, fleet.y, fleet.heading, fleet.stopped
+        fleet.run(10)
+        assert np.hypot(fleet.x - x, fleet.y - y).mean() > 5.0
+        assert np.abs(fleet.heading - heading).mean() > 0.1
+        fleet.stop()
+        assert not stopped.any()
+
     @pytest.mark.parametrize(
         ("text", "complaint"),
         [

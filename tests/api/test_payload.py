@@ -153,3 +153,14 @@ def test_a_class_that_cannot_be_used_is_refused() -> None:
             opened(robots)
     with pytest.raises(sc.errors.MisuseError, match="fuel"):
         opened(Clash)
+
+
+@pytest.mark.parametrize("which", [3, slice(None)])
+def test_where_robots_were_stays_when_time_goes_on(which: int | slice) -> None:
+    fleet = sc.open("bravo", robots=8)
+    fleet.send("(RULE go (DRIVE 5m/s 2deg/s))", everybody=True)
+    body = sc.SimulatedBody(fleet.run(1).swarm.simulator.bodies, which)
+    before = body.x, body.y, body.heading
+    fleet.run(10)
+    assert np.mean(np.hypot(body.x - before[0], body.y - before[1])) > 5.0
+    assert np.mean(np.abs(body.heading - before[2])) > 0.1

@@ -511,6 +511,33 @@ class TestWorlds:
                 return
         raise AssertionError("no episode has ended")
 
+    def test_gymnasium_counts_each_worlds_episodes_where_worlds_are_reset_one_by_one(self) -> None:
+        env = RecordEpisodeStatistics(
+            gym.vector_env(
+                "crowd",
+                robots=2,
+                worlds=3,
+                seconds=3.0,
+                observations=["x"],
+                reward="1",
+                until="count (> x 2.2m) >= 1",
+                autoreset="Disabled",
+            )
+        )
+        env.reset(seed=3)
+        steps = np.zeros(6, int)
+        lengths = set[int]()
+        for _ in range(40):
+            _, _, ended, over, info = env.step(np.full((6, 2), [0.5, 0.0]))
+            steps += 1
+            done = ended | over
+            if done.any():
+                assert (info["episode"]["l"][done] == steps[done]).all()
+                lengths |= set(steps[done].tolist())
+                steps[done] = 0
+                env.reset(options={"reset_mask": done})
+        assert len(lengths) > 1, "worlds have ended at different times"
+
     def test_what_is_wrong_is_said_with_its_world(self) -> None:
         env = gym.vector_env("bravo", worlds=2, **RESCUE)
         env.reset(seed=1)

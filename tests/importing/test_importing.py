@@ -92,6 +92,17 @@ WAYPOINTS = """QGC WPL 110
 5\t0\t3\t5001\t5\t0\t0\t0\t-35.364\t149.166\t0\t1
 6\t0\t3\t20\t0\t0\t0\t0\t0\t0\t0\t1
 """
+MAVPROXY_FENCE = """QGC WPL 110
+0\t0\t0\t5001\t4.000000\t0.000000\t0.000000\t0.000000\t-35.363000\t149.164000\t0.000000\t1
+1\t0\t0\t5001\t4.000000\t0.000000\t0.000000\t0.000000\t-35.363000\t149.167000\t0.000000\t1
+2\t0\t0\t5001\t4.000000\t0.000000\t0.000000\t0.000000\t-35.365000\t149.167000\t0.000000\t1
+3\t0\t0\t5001\t4.000000\t0.000000\t0.000000\t0.000000\t-35.365000\t149.164000\t0.000000\t1
+4\t0\t0\t5004\t30.000000\t0.000000\t0.000000\t0.000000\t-35.364000\t149.165500\t0.000000\t1
+"""
+MAVPROXY_RALLY = """QGC WPL 110
+0\t0\t3\t5100\t0.000000\t0.000000\t0.000000\t0.000000\t-35.363000\t149.164000\t50.000000\t1
+1\t0\t3\t5100\t0.000000\t0.000000\t0.000000\t0.000000\t-35.363000\t149.167000\t50.000000\t1
+"""
 Import = Callable[[str, str], tuple[Found, Scenario]]
 
 
@@ -205,6 +216,24 @@ def test_waypoints_are_visited(imported: Import) -> None:
     assert float(fleet.y[0]) - start == pytest.approx(0.0, abs=3.0)
 
 
+def test_a_fence_of_mavproxy_has_no_home(imported: Import) -> None:
+    pytest.importorskip("pyproj")
+    found, scenario = imported("fence.txt", MAVPROXY_FENCE)
+    assert [len(each) for each in found.areas.values() if isinstance(each, tuple)] == [4]
+    assert {each.name for each in scenario.areas} == {"fence1", "keep_out2"}
+    circle = found.areas["keep_out2"]
+    assert isinstance(circle, Disc)
+    assert circle.center == pytest.approx((0.0, 0.0), abs=0.01), "home is in the middle"
+    assert any(each.startswith("home: the file has none") for each in found.left_out())
+
+
+def test_rally_points_of_mavproxy_have_no_home(imported: Import) -> None:
+    pytest.importorskip("pyproj")
+    found, _ = imported("rally.txt", MAVPROXY_RALLY)
+    assert list(found.places) == ["home", "rally1", "rally2"]
+    assert found.places["rally1"][0][0] == pytest.approx(-136.0, abs=1.0)
+
+
 def test_robots_that_overlap_at_the_start_touch_nothing(imported: Import) -> None:
     robots = "".join(
         f'<foot-bot id="f{i}"><body position="0.0{i},0,0"/><controller config="c"/></foot-bot>' for i in (1, 2)
@@ -226,7 +255,8 @@ def test_more_types_than_a_scenario_has_are_joined_where_bodies_are_equal(import
 @pytest.mark.parametrize(
     ("name", "text", "sentence"),
     [
-        ("a.txt", "", "nobody here reads such files: wanted one of *.argos"),
+        ("a.doc", "", "nobody here reads such files: wanted one of *.argos"),
+        ("a.txt", "", "no waypoints: wanted QGC WPL 110"),
         ("a.argos", "", "not XML"),
         ("a.argos", "<svg/>", "no experiment of ARGoS"),
         ("a.argos", '<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', "declares an entity"),

@@ -67,6 +67,24 @@ def test_what_tak_wants_to_know_stands_where_it_looks_for_it() -> None:
     assert detail.findtext("remarks") == "STOPPED"
 
 
+def test_takproto_loses_nothing_that_an_event_says() -> None:
+    """It drops attributes for which TAK's protobuf has no field (docs/counterparts.md)."""
+    event = CotEvent("u", "a-f-G", 1.0, 2.0, 0.0, 3.0, "r1", 90.0, 1.5, 0.25, "Cyan", "told", ((1.0, 2.0), (3.0, 4.0)))
+    written = ElementTree.fromstring(event.xml())
+    message = takproto.parse_mesh(MESH + event.protobuf()).cotEvent
+    detail, more = message.detail, ElementTree.fromstring(f"<detail>{message.detail.xmlDetail}</detail>")
+    fields = {"contact": detail.contact, "__group": detail.group, "status": detail.status, "track": detail.track}
+    for each in written.findall("detail/*"):
+        if each.tag in fields:
+            values = {key: str(getattr(fields[each.tag], key)) for key in each.attrib}
+            assert all(
+                value == said or float(value) == float(said)
+                for value, said in zip(values.values(), each.attrib.values(), strict=True)
+            )
+        else:
+            assert ElementTree.tostring(each) in [ElementTree.tostring(other) for other in more]
+
+
 A, B, C, D = "36.6000000,-121.9000000", "36.6100000,-121.9000000", "36.6100000,-121.8000000", "36.6000000,-121.8000000"
 
 

@@ -202,15 +202,15 @@ class SimulatedFleet(Fleet):
 
     @property
     def x(self) -> NDArray[np.float64]:
-        return read_only(self.swarm.simulator.x)
+        return read_only(self.swarm.simulator.x.copy())
 
     @property
     def y(self) -> NDArray[np.float64]:
-        return read_only(self.swarm.simulator.y)
+        return read_only(self.swarm.simulator.y.copy())
 
     @property
     def heading(self) -> NDArray[np.float64]:
-        return read_only(self.swarm.simulator.bodies.heading)
+        return read_only(self.swarm.simulator.bodies.heading.copy())
 
     def __getitem__(self, expression: str) -> NDArray[np.float64]:
         """See `Fleet`: no radio is needed, and nothing changes."""
@@ -243,7 +243,7 @@ class SimulatedFleet(Fleet):
 
     @property
     def stopped(self) -> NDArray[np.bool_]:
-        return read_only(self.swarm.fleet.stopped)
+        return read_only(self.swarm.fleet.stopped.copy())
 
     @property
     def hash(self) -> str:

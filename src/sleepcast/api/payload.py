@@ -57,22 +57,27 @@ class SimulatedBody:
     @property
     def x(self) -> Any:
         """Where it really is, m."""
-        return read_only(self._bodies.x)[self._which]
+        return self._now(self._bodies.x)
 
     @property
     def y(self) -> Any:
         """m"""
-        return read_only(self._bodies.y)[self._which]
+        return self._now(self._bodies.y)
 
     @property
     def heading(self) -> Any:
         """rad, counter-clockwise from the x axis."""
-        return read_only(self._bodies.heading)[self._which]
+        return self._now(self._bodies.heading)
 
     @property
     def speed(self) -> Any:
         """m/s"""
-        return read_only(self._bodies.speed)[self._which]
+        return self._now(self._bodies.speed)
+
+    def _now(self, values: Floats) -> Any:
+        """The numbers of these robots, which stay as they are when time goes on."""
+        which = self._which
+        return values[which] if isinstance(which, int) else read_only(values[which].copy())
 
     def random(self, purpose: str) -> Any:
         """From [0, 1), for this purpose in this tick: equal seeds give equal numbers."""

@@ -24,7 +24,7 @@ def import_(file: Path, into: Path | None, as_json: bool) -> int:
     """Make a scenario folder of a file of another program, and say what was left out.
 
     It reads experiments of ARGoS (*.argos), worlds of Stage (*.world), fleets of Crazyswarm2 (crazyflies.yaml), plans
-    of QGroundControl (*.plan) and waypoints of ArduPilot (*.waypoints).
+    of QGroundControl (*.plan), and waypoints of ArduPilot (*.waypoints; *.txt from MAVProxy).
 
     \b
     Examples:

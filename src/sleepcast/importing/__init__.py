@@ -22,6 +22,7 @@ READERS = {
     ".yml": (read_crazyflies, "Crazyswarm2's crazyflies.yaml"),
     ".plan": (read_plan, "a plan of QGroundControl"),
     ".waypoints": (read_waypoints, "waypoints of ArduPilot"),
+    ".txt": (read_waypoints, "waypoints, fences and rally points that MAVProxy saves"),
 }
 
 

@@ -1,4 +1,5 @@
-"""Plans of ground stations: QGroundControl's `.plan` (JSON) and ArduPilot's `.waypoints` (QGC WPL 110).
+"""Plans of ground stations: QGroundControl's `.plan` (JSON) and ArduPilot's `.waypoints` (QGC WPL 110), which MAVProxy
+calls `.txt`.
 
 Both say places on the Earth, which become metres from where the vehicle is at home. Waypoints become places and a
 mission that visits them in their order, fences become areas. Heights, speeds, pauses and what cameras do is noted.
@@ -28,6 +29,7 @@ ROOM = 20.0
 WAYPOINT, LOITER, LOITER_TURNS, LOITER_TIME, HOMEWARD, LAND, TAKEOFF = 16, 17, 18, 19, 20, 21, 22
 SPLINE, VTOL_TAKEOFF, VTOL_LAND = 82, 84, 85
 INSIDE_POLYGON, OUTSIDE_POLYGON, INSIDE_CIRCLE, OUTSIDE_CIRCLE = FENCES = 5001, 5002, 5003, 5004
+RALLY = 5100
 STOPS = {WAYPOINT, LOITER, LOITER_TURNS, LOITER_TIME, LAND, TAKEOFF, SPLINE, VTOL_TAKEOFF, VTOL_LAND}
 """Commands of MAVLink to be somewhere."""
 COPTER = "copter", Hardware(0.25, 5.0, 1.5, 2.0, solid=False)
@@ -50,7 +52,8 @@ class Item:
 
 
 def read_waypoints(path: Path) -> Found:
-    """The mission of a file of waypoints, whose first line is home. Raises SettingsError with file and line."""
+    """The mission, fences or rally points of a file of waypoints. The first line is home, but in MAVProxy's files of
+    fences and rally points there is none. Raises SettingsError with file and line."""
     lines = read_text(path, MAX_FILE, "waypoints").splitlines()
     if not lines or lines[0].split() != ["QGC", "WPL", "110"]:
         raise SettingsError(f"{path}:1: no waypoints: wanted QGC WPL 110 in the first line")
@@ -58,14 +61,29 @@ def read_waypoints(path: Path) -> Found:
     items = [_item_of(path, number, line) for number, line in written if line and not line.startswith("#")]
     if not items:
         raise SettingsError(f"{path}:2: no waypoints: wanted home and at least one more")
-    home, *rest = items
-    origin = home.at or next((each.at for each in rest if each.at), None)
+    homeless = items[0].command in (*FENCES, RALLY)
+    rest = items if homeless else items[1:]
+    places = [each.at for each in rest if each.at]
+    origin = _middle(places) if homeless else items[0].at or next(iter(places), None)
     if origin is None:
         raise SettingsError(f"{path}:2: no item says a place on the Earth")
     mission = _Mission(path, Origin(*origin), "a mission of ArduPilot", COPTER)
+    if homeless:
+        mission.found.leave_out("home", "the file has none: here it is in the middle of what the file has")
     mission.visit(rest)
     mission.fence_items(rest)
+    for number, at in enumerate((each.at for each in rest if each.command == RALLY and each.at), 1):
+        mission.rally(number, at)
     return mission.found
+
+
+def _middle(places: list[Point]) -> Point | None:
+    """The middle of the box around places on the Earth, or the first one where they lie on both sides of 180 degrees;
+    None for no places."""
+    if not places:
+        return None
+    (south, north), (west, east) = ((min(each), max(each)) for each in zip(*places, strict=True))
+    return places[0] if east - west > 180.0 else ((south + north) / 2.0, (west + east) / 2.0)
 
 
 def _item_of(path: Path, number: int, line: str) -> Item:
@@ -118,7 +136,7 @@ def read_plan(path: Path) -> Found:
     points = rally.get("points", [])
     for number, point in enumerate(points if isinstance(points, list) else [], 1):
         if place := _places(point):
-            built.place(f"rally{number}", f"rally point {number}", place)
+            built.rally(number, place)
     return built.found
 
 
@@ -198,6 +216,10 @@ class _Mission:
             return True
         return False
 
+    def rally(self, number: int, at: Point) -> None:
+        """Add a rally point."""
+        self.place(f"rally{number}", f"rally point {number}", at)
+
     def visit(self, items: list[Item]) -> None:
         """Make a mission of what leads somewhere."""
         for each in items:
@@ -207,7 +229,12 @@ class _Mission:
                 number = len([stop for stop in self.found.route if stop != "home"]) + 1
                 if self.place(f"wp{number}", f"waypoint {number}", each.at):
                     self.found.route.append(f"wp{number}")
-            elif each.command not in (TAKEOFF, LAND, *FENCES):  # the first two without a place are where the vehicle is
+            elif each.command not in (
+                TAKEOFF,
+                LAND,
+                RALLY,
+                *FENCES,
+            ):  # the first two without a place are where the vehicle is
                 self.found.leave_out(f"command {each.command} of MAVLink", "it leads nowhere: say as a rule what for")
         if self.found.route:
             self.found.leave_out("heights, pauses and speeds", "the vehicle drives from place to place in a plane")

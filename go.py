@@ -5,6 +5,8 @@
     python3 go.py test quick            before each commit: all checks but the slow tests, in about a minute
     python3 go.py test [OPTION ...]     every check; the options go to pytest
     python3 go.py test network          the channel on a thousand robots in networks of their own: twenty minutes
+    python3 go.py test counterparts [FAMILY ...] [--newest]
+                                        other programs, in locked or in their newest versions (docs/counterparts.md)
     python3 go.py audit                 ask the package index what is known against the locked versions
     python3 go.py docs                  build the documentation as a site, in the folder site
 
@@ -16,13 +18,15 @@ can do without is imported late.
 
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parent
 VENV = ROOT / ".venv"
 PYTHON = VENV / "bin" / "python"
 RUN, DEV, DOCS = "requirements/run.txt", "requirements/dev.txt", "requirements/docs.txt"
+COUNTERPARTS, RCLPY = "requirements/counterparts.txt", "requirements/rclpy.txt"
 FAST = ("llvmlite==", "numba==")
 """What not every computer that runs Python can have (Macs with Intel's processors, Linux with musl), nor needs."""
 ALONE = ("cflib==", "mavproxy==")
@@ -120,36 +124,55 @@ def fill_environment(lock: str, extras: Sequence[str], stamp: Path) -> None:
 
 def packages_of(lock: str, extras: Sequence[str]) -> list[str]:
     """The packages of a lock, and those of DEV that extras bring: each with its versions and hashes."""
+    found = read_lock(lock)
+    if extras:
+        found |= with_needs({name for extra in extras for name in libraries(extra)}, read_lock(DEV), found)
+    return [found[name] for name in sorted(found)]
+
+
+def read_lock(file: str) -> dict[str, str]:
+    """The lines of each package in a lock."""
     import re
 
-    def read(file: str) -> dict[str, str]:
-        packages: dict[str, str] = {}
-        for entry, name in re.findall(r"(?m)^(([\w.-]+).*\n(?:[ #].*\n)*)", (ROOT / file).read_text()):
-            packages[name] = packages.get(name, "") + entry  # other Pythons may need another version
-        return packages
+    packages: dict[str, str] = {}
+    for entry, name in re.findall(r"(?m)^(([\w.-]+).*\n(?:[ #].*\n)*)", (ROOT / file).read_text()):
+        packages[name] = packages.get(name, "") + entry  # other Pythons may need another version
+    return packages
 
-    found, known = read(lock), read(DEV) if extras else {}
+
+def with_needs(names: set[str], known: dict[str, str], there: Iterable[str] = ()) -> dict[str, str]:
+    """These packages of a lock, and what they need besides what is there."""
+    import re
+
     # The lock says behind "via" who needs a package.
     needed_by = {name: set(re.findall(r"(?m)^ *# +(?:via +)?([\w.-]+)", entry)) for name, entry in known.items()}
-    new = {name for extra in extras for name in libraries(extra)}
+    found, new = dict[str, str](), names
     while new:
         found |= {name: known[name] for name in new}
-        new = {name for name, by in needed_by.items() if by & new and name not in found}
-    return [found[name] for name in sorted(found)]
+        new = {name for name, by in needed_by.items() if by & new and name not in found and name not in there}
+    return found
 
 
 def libraries(extra: str) -> list[str]:
     """The names of the libraries that pyproject.toml lists for an extra."""
+    return [package_name(line) for line in all_extras()[extra]]
+
+
+def package_name(line: str) -> str:
+    """As locks write it."""
     import re
 
-    return [re.split(r"[^\w.-]", line)[0].lower() for line in all_extras()[extra]]
+    return re.sub("[-_.]+", "-", re.split(r"[^\w.-]", line)[0]).lower()
+
+
+def project_file() -> dict[str, Any]:
+    import tomllib
+
+    return tomllib.loads((ROOT / "pyproject.toml").read_text())
 
 
 def all_extras() -> dict[str, list[str]]:
-    import tomllib
-
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    return dict(project["optional-dependencies"])
+    return dict(project_file()["project"]["optional-dependencies"])
 
 
 def install_extras(*words: str) -> int:
@@ -229,6 +252,105 @@ def tool_environment(name: str, *what: str) -> Path:
     return tools
 
 
+def families() -> dict[str, list[str]]:
+    """The families of docs/counterparts.md, with what each needs from the package index."""
+    groups = {name.removeprefix("counterparts-"): lines for name, lines in project_file()["dependency-groups"].items()}
+    return {
+        name: [line for line in lines if isinstance(line, str)]
+        for name, lines in groups.items()
+        if {"include-group": "counterparts-tests"} in lines
+    }
+
+
+def npm_families() -> dict[str, list[str]]:
+    """What families need from npm."""
+    import json
+
+    return dict(json.loads((ROOT / "requirements/counterparts/package.json").read_text())["families"])
+
+
+def counterparts(*words: str) -> int:
+    """Test how counterparts behave, one family after the other, and say where docs/counterparts.md is wrong now."""
+    newest, known = "--newest" in words, families()
+    wanted = [word for word in words if word != "--newest"]
+    if unknown := [word for word in wanted if word not in known]:
+        raise refusal(
+            f"There is no family {unknown[0]!r} of counterparts: wanted some of {', '.join(known)}, or --newest"
+        )
+    ends = {family: try_family(family, newest) for family in wanted or known}
+    for family, end in ends.items():
+        print(f"{end:15} {family}")
+    return 0 if set(ends.values()) == {"as it was"} else 1
+
+
+def try_family(family: str, newest: bool) -> str:
+    """Run the tests of a family in an environment of its own."""
+    import subprocess
+
+    print(f"== {family}, {'newest versions' if newest else 'from the lock'}", flush=True)
+    try:
+        python, surroundings = family_environment(family, newest), dict(os.environ)
+        if family == "ros2" and (sys.platform, os.uname().machine) == ("linux", "x86_64"):
+            surroundings["SLEEPCAST_RCLPY"] = str(rclpy_environment(newest))
+    except SystemExit:  # it has said why
+        return "not tried"
+    tests = (python, "-m", "pytest", "--counterparts", family)
+    end = subprocess.run(tests, cwd=ROOT, env=surroundings, check=False).returncode
+    return {0: "as it was", 1: "otherwise now"}.get(end, "not tried")
+
+
+def family_environment(family: str, newest: bool) -> Path:
+    """The Python of an environment with this family, what its tests need, and sleepcast."""
+    groups, lines = project_file(), families()[family]
+    lines = [*lines, *groups["dependency-groups"]["counterparts-tests"], *groups["project"]["dependencies"]]
+    if newest:
+        what = ["--upgrade", *lines]
+    else:
+        locked = ROOT / ".venv-counterparts" / f"{family}.txt"
+        locked.parent.mkdir(exist_ok=True)
+        locked.write_text("".join(with_needs({package_name(line) for line in lines}, read_lock(COUNTERPARTS)).values()))
+        what = ["--require-hashes", "--no-deps", "--requirement", str(locked)]
+    tools = tool_environment(f".venv-counterparts/{family}", "--no-compile", *what)
+    for site in tools.glob("lib/python*/site-packages"):
+        (site / "sleepcast.pth").write_text(str(ROOT / "src"))  # to install it, its family may forbid what builds it
+    if packages := npm_families().get(family):
+        add_from_npm(tools, packages, newest)
+    return tools / "bin" / "python"
+
+
+def rclpy_environment(newest: bool) -> Path:
+    """The Python of an environment with real ROS 2, whose packages are pre-releases."""
+    lines = project_file()["dependency-groups"]["rclpy"]
+    what = ("--pre", "--upgrade", *lines) if newest else ("--require-hashes", "--requirement", RCLPY)
+    return tool_environment(".venv-counterparts/rclpy", "--no-compile", *what) / "bin" / "python"
+
+
+def add_from_npm(tools: Path, packages: Sequence[str], newest: bool) -> None:
+    """Install some of the packages of requirements/counterparts/, and no others."""
+    import json
+    import shutil
+
+    source = ROOT / "requirements/counterparts"
+    wanted = json.loads((source / "package.json").read_text())["dependencies"]
+    dependencies = {name: "latest" if newest else wanted[name] for name in packages}
+    (tools / "package.json").write_text(json.dumps({"private": True, "dependencies": dependencies}))
+    if not newest:
+        shutil.copy(source / "package-lock.json", tools)
+    npm(tools, "install")
+
+
+def npm(tools: Path, command: str) -> None:
+    """Run npm on the package.json of an environment."""
+    import shutil
+    import subprocess
+
+    if shutil.which("npm") is None:
+        raise refusal(f"{tools.name} needs npm. On Debian or Ubuntu, install it with: sudo apt install npm", 1)
+    quietly = ("--ignore-scripts", "--no-audit", "--no-fund", "--loglevel=error")
+    if subprocess.run(["npm", command, *quietly], cwd=tools, stdout=sys.stderr, check=False).returncode:
+        raise refusal(f"Filling {tools.name} failed; npm says why above. Then run the same command again.", 1)
+
+
 def docs() -> int:
     """Build the documentation as a site, with MkDocs in an environment of its own and with what comes from npm."""
     import shutil
@@ -239,9 +361,7 @@ def docs() -> int:
     tools = tool_environment(".venv-docs", "--require-hashes", "--requirement", DOCS)
     for name in ("package.json", "package-lock.json"):
         shutil.copy(ROOT / "requirements" / "npm" / name, tools / name)
-    quietly = ("--ignore-scripts", "--no-audit", "--no-fund", "--loglevel=error")
-    if subprocess.run(["npm", "ci", *quietly], cwd=tools, stdout=sys.stderr, check=False).returncode:
-        raise refusal("Filling .venv-docs failed; npm says why above. Then run the same command again.", 1)
+    npm(tools, "ci")
     return subprocess.run([tools / "bin" / "python", "-m", "mkdocs", "build"], cwd=ROOT, check=False).returncode
 
 
@@ -263,6 +383,8 @@ def main(*arguments: str) -> None:
         )
     if os.name != "posix":
         raise refusal("go.py knows Linux and macOS; on Windows, start it inside WSL.")
+    if arguments[:2] == ("test", "counterparts"):
+        sys.exit(counterparts(*arguments[2:]))
     if arguments[:1] == ("test",):
         prepare(DEV)
         sys.exit(test(*arguments[1:]))  # the options go to pytest

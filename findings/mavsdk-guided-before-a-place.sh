@@ -65,6 +65,8 @@ sdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATI
 sdk.add_any_connection(f"udpin://127.0.0.1:{sys.argv[1]}")
 system = sdk.first_autopilot(30.0)
 action, telemetry = Action(system), Telemetry(system)
+while not telemetry.armed():  # nor does it know before the first heartbeat
+    time.sleep(0.05)
 action.kill()
 while telemetry.armed():
     time.sleep(0.05)

@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+import families
 from sleepcast.core.files import cache_folder
 from slow import SLOW
 
@@ -42,9 +43,32 @@ TESTS = Path(__file__).parent
 gc.disable()  # until all tests are collected
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    known = sorted(families.go.families())
+    parser.addoption("--counterparts", choices=known, help="only what runs the counterparts of this family")
+
+
+def pytest_report_header(config: pytest.Config) -> str | None:
+    """What is tried for a family, of which nothing may be missing that can be had for this computer."""
+    if not (family := config.getoption("--counterparts")):
+        return None
+    if missing := [name for name, ours in families.members(family).items() if ours and not families.is_installed(name)]:
+        raise pytest.UsageError(
+            f"--counterparts {family}: {', '.join(missing)}: not installed here, see CONTRIBUTING.md"
+        )
+    return f"counterparts: {families.versions(family)}"
+
+
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Leave out slow files where a quick check is asked for."""
+    """Leave out slow files where a quick check is asked for, and what has no test of a family where that is."""
     quick = config.getoption("--hypothesis-profile") == "quick"
+    if family := config.getoption("--counterparts"):
+        files = collection_path.rglob("test_*.py") if collection_path.is_dir() else [collection_path]
+        return (
+            None
+            if any(families.belongs(names, family) for file in files for names in families.named_in(file))
+            else True
+        )
     return True if quick and weight(collection_path) else None
 
 
@@ -66,12 +90,32 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Begin with the slowest files, so that no process is left alone with one of them in the end: in the same order in
     every process. Leave out what is for the night, unless the nightly profile is asked for."""
     items.sort(key=lambda item: (-weight(item.path), item.path))
+    keep_to_counterparts(config, items)
     if config.getoption("--hypothesis-profile") == "nightly":
         return
     skip = pytest.mark.skip(reason="for the night: --hypothesis-profile nightly runs it")
     for item in items:
         if item.get_closest_marker("nightly"):
             item.add_marker(skip)
+
+
+def keep_to_counterparts(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Skip tests whose counterparts are not here, and leave out those that are for a family's run only (`alone`). In
+    that, keep its tests, and skip only what none can have on this computer."""
+    family = config.getoption("--counterparts")
+    others = []
+    for item in items:
+        marks = list(item.iter_markers("counterpart"))
+        names = {name for mark in marks for name in mark.args}
+        if not families.belongs(names, family) if family else any(mark.kwargs.get("alone") for mark in marks):
+            others.append(item)
+            continue
+        if missing := {name for name in names if not families.is_installed(name)}:
+            reason = f"needs {', '.join(sorted(missing))}: go.py test counterparts {families.family_of(names)}"
+            item.add_marker(pytest.mark.skip(reason=reason))
+    if others:
+        config.hook.pytest_deselected(items=others)
+        items[:] = [item for item in items if item not in set(others)]
 
 
 def pytest_collection_finish() -> None:

@@ -313,6 +313,7 @@ def until(true: Callable[[], bool]) -> None:
         time.sleep(0.02)
 
 
+@pytest.mark.counterpart("cflib")
 def test_the_real_library_flies_it_loses_it_and_finds_it_again(process: subprocess.Popen[str], port: int) -> None:
     with closing(open_robot(f"crazyflie://127.0.0.1:{port}?height=0.4")) as body:
         assert isinstance(body, CrazyflieBody)
@@ -459,6 +460,7 @@ def losing_a_third(port: int, seed: int) -> Iterator[int]:
             carrying.join(PATIENCE)
 
 
+@pytest.mark.counterpart("cflib")
 def test_values_come_as_often_as_is_said() -> None:
     """cflib rounds a period down to tens of milliseconds, without a word."""
     from cflib.crazyflie.log import LogConfig

@@ -532,6 +532,7 @@ def test_of_messages_with_one_timestamp_the_first_is_taken(ground: GroundStation
     assert "1 messages from the ground station were refused: their timestamps are old: they are repeated" in said
 
 
+@pytest.mark.counterpart("pymavlink")
 def test_one_whose_clock_is_ahead_is_named_and_makes_nobody_else_look_old(ground: GroundStation, desk: Desk) -> None:
     ahead = Desk()
     ahead.mav.srcSystem = 254
@@ -730,6 +731,7 @@ def test_there_are_no_missions_and_none_is_taken(ground: GroundStation, desk: De
     assert desk.seen["STATUSTEXT"].text == "it takes no missions"
 
 
+@pytest.mark.counterpart("pymavlink")
 def test_a_script_of_pymavlink_that_asks_where_it_is_gets_an_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     """It waits for VFR_HUD, for as long as that takes."""
     monkeypatch.setenv("MAVLINK20", "1")  # which it would set itself

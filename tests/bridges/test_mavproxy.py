@@ -14,6 +14,8 @@ from bridges.mind import Mind, Talking
 from channel.test_udp import free_port
 from processes import live_in
 
+pytestmark = pytest.mark.counterpart("mavproxy")
+
 MODULES = "signing,arm,mode,cmdlong"
 
 

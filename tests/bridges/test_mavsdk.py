@@ -16,6 +16,8 @@ from channel.test_udp import free_port
 
 PROGRAM = Path(__file__).with_name("mavsdk_program.py")
 
+pytestmark = pytest.mark.counterpart("mavsdk", "pymavlink")
+
 
 class Program(Talking):
     def __init__(self, port: int, folder: Path) -> None:

@@ -658,6 +658,7 @@ rclpy.spin(node)
 """
 
 
+@pytest.mark.counterpart("ros-jazzy-rclpy", "cyclonedds")
 @needs_ros
 def test_a_driver_that_is_not_active_is_named_as_what_may_be_behind_the_silence(
     monkeypatch: pytest.MonkeyPatch,
@@ -680,6 +681,7 @@ def test_a_driver_that_is_not_active_is_named_as_what_may_be_behind_the_silence(
             process.kill()
 
 
+@pytest.mark.counterpart("ros-jazzy-rclpy", "cyclonedds")
 @needs_ros
 @pytest.mark.parametrize("small", ["subnet", "Subnet"])
 def test_ros_takes_small_letters_for_this_computer_alone(small: str) -> None:
@@ -704,6 +706,7 @@ for namespace in ("/", "/scout3", "/fleet/scout3"):
 """
 
 
+@pytest.mark.counterpart("ros-jazzy-rclpy", "cyclonedds")
 @needs_ros
 def test_the_lock_of_the_page_is_that_of_a_robot_in_any_namespace(tmp_path: Path) -> None:
     """With a plain `twist_mux:` the parameters of a robot in a namespace were none, without a word."""

@@ -102,6 +102,7 @@ print(serialize_message(BatteryState(voltage=12.5)).hex(), serialize_message(Imu
 """
 
 
+@pytest.mark.counterpart("ros-jazzy-rclpy", "cyclonedds")
 @pytest.mark.skipif(not RCLPY, reason="needs ROS 2: SLEEPCAST_RCLPY names a Python that has rclpy, see CONTRIBUTING.md")
 def test_what_a_driver_of_real_ros_does_not_fill_in() -> None:
     """Its battery is unknown; that it has no orientation cannot be seen."""

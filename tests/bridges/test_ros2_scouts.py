@@ -592,6 +592,7 @@ print(end.topic_type, end.node_name, node.get_node_names())
 """
 
 
+@pytest.mark.counterpart("ros-jazzy-rclpy", "cyclonedds")
 @needs_ros
 def test_to_ros_a_robot_has_topics_and_no_node() -> None:
     with serving(), start(RCLPY, "-c", WHO, **place(True)) as process:

@@ -242,6 +242,7 @@ def test_a_peer_with_the_range_of_today_hears(ranger: DdsLink) -> None:
     until(comes)
 
 
+@pytest.mark.counterpart("cyclonedds")
 def test_a_peer_with_another_layout_is_told_both_ways(ranger: DdsLink, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(links, "JOINED", 0.5)
     over, said = OverDds("/ranger", DOMAIN), list[str]()

@@ -269,6 +269,7 @@ def test_a_router_that_was_away_is_found_again() -> None:
         router.close()
 
 
+@pytest.mark.counterpart("eclipse-zenoh")
 def test_a_router_of_zenoh_passes_nothing_between_peers_and_so_each_party_is_a_client() -> None:
     zenoh = pytest.importorskip("zenoh", reason="eclipse-zenoh is not installed here")
     place = f"127.0.0.1:{free_port(socket.SOCK_STREAM)}"

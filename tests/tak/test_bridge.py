@@ -166,6 +166,7 @@ class Datagrams:
         return self._datagram, None
 
 
+@pytest.mark.counterpart("pytak")
 @pytest.mark.parametrize("told", [False, True])
 def test_pytak_reads_our_multicast_only_if_it_is_told_to(told: bool) -> None:
     """Otherwise it hands on the bytes of the datagram, in the place of XML."""

@@ -189,6 +189,7 @@ def test_a_lost_server_is_told_once_and_found_again(monkeypatch: pytest.MonkeyPa
     assert read_xml(seen[0]).uid == "fleet.r1"
 
 
+@pytest.mark.counterpart("taky")
 def test_a_server_that_freezes_is_told_and_found_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A real one. Its computer goes on to take what is sent, so that nothing but its silence tells."""
     monkeypatch.setattr(links, "ASK_EVERY", 0.1)

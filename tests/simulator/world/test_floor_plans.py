@@ -112,6 +112,7 @@ class TestLetters:
         assert len(shapes(tmp_path, font + WALL + letters)) == 1
 
 
+@pytest.mark.counterpart("matplotlib")
 def test_what_matplotlib_draws(tmp_path: Path) -> None:
     pyplot = pytest.importorskip("matplotlib.pyplot")
     figure = pyplot.figure(figsize=(8.0, 6.0))
@@ -134,6 +135,7 @@ def converter() -> str:
     return program.removeprefix("text\n")
 
 
+@pytest.mark.counterpart("ezdxf")
 @pytest.mark.parametrize("unit", ["MM", "CM", "M", "IN"])
 @pytest.mark.parametrize("seen", [True, False])
 def test_a_dxf_file_has_its_size_and_no_background(

@@ -109,6 +109,9 @@ def test_a_row_has_tests_and_one_of_them_runs_each_counterpart(section: Section,
         if family and re.search(rf"\b{command}\b", who, re.IGNORECASE)
     }
     assert wanted or not section.family, f"call it as the section does: {', '.join(section.called)}"
+    if not section.family:
+        known = [name for other in sections() for name in other.called if re.search(rf"\b{re.escape(name)}\b", who)]
+        assert not known, f"its place is in the section that has {', '.join(known)}"
     assert wanted <= run, f"no test here is marked with {', '.join(sorted(wanted - run))}, and no finding installs it"
 
 

@@ -318,6 +318,46 @@ def test_go_names_the_extras_that_there_are(clone: Path) -> None:
         assert done.stderr.startswith(f"{said}: wanted some of cluster, crazyflie, ")
 
 
+def test_go_names_the_families_of_counterparts(clone: Path) -> None:
+    done = run(sys.executable, "go.py", "test", "counterparts", "tak", "tok", cwd=clone)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith(
+        "There is no family 'tok' of counterparts: wanted some of crazyflie, learning, mavlink, "
+    )
+
+
+def test_go_says_which_family_does_otherwise_and_goes_on(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ends = {"tak": "otherwise now", "zenoh": "as it was"}
+    tried = list[tuple[str, bool]]()
+    monkeypatch.setattr(go, "try_family", lambda family, newest: tried.append((family, newest)) or ends[family])
+    assert go.counterparts("tak", "--newest", "zenoh") == 1
+    assert capsys.readouterr().out == "otherwise now   tak\nas it was       zenoh\n"
+    assert go.counterparts("zenoh") == 0
+    assert tried == [("tak", True), ("zenoh", True), ("zenoh", False)]
+
+
+def test_go_tries_no_family_that_it_cannot_install(clone: Path) -> None:
+    for name in ("counterparts.txt", "counterparts/package.json"):
+        (clone / "requirements" / name).parent.mkdir(exist_ok=True)
+        shutil.copy(ROOT / "requirements" / name, clone / "requirements" / name)
+    offline = {**os.environ, "PIP_NO_INDEX": "1", "PIP_FIND_LINKS": str(clone / "nothing")}
+    done = run(sys.executable, "go.py", "test", "counterparts", "zenoh", cwd=clone, env=offline)
+    assert (done.returncode, done.stdout) == (1, "== zenoh, from the lock\nnot tried       zenoh\n")
+    assert "pip says why above" in done.stderr
+
+
+@pytest.mark.parametrize("family", go.families())
+def test_the_lock_gives_a_family_all_that_it_needs(family: str) -> None:
+    lines = [*go.families()[family], *go.project_file()["project"]["dependencies"]]
+    names = {go.package_name(line) for line in lines}
+    taken = go.with_needs(names, go.read_lock(go.COUNTERPARTS))
+    assert names < taken.keys()
+    known = set(json.loads((ROOT / "requirements/counterparts/package.json").read_text())["dependencies"])
+    assert set(go.npm_families().get(family, ())) <= known
+
+
 # --- the wheel --------------------------------------------------------------------------------------------
 
 

@@ -52,7 +52,7 @@ def test_pdftocairo_draws_a_background_and_each_letter_as_a_copy(plan: Path, tmp
     assert len(read_drawing(found, 72.0).shapes) == 1
 
 
-@pytest.mark.counterpart("matplotlib", "inkscape")
+@pytest.mark.counterpart("matplotlib", "inkscape", alone=True)
 def test_inkscape_keeps_the_background_of_a_pdf(plan: Path, tmp_path: Path) -> None:
     found = tmp_path / "inkscape.svg"
     home = {**os.environ, "HOME": str(tmp_path)}
@@ -73,7 +73,7 @@ DRAWING = """<?xml version="1.0" encoding="UTF-8"?>
 """
 
 
-@pytest.mark.counterpart("libreoffice")
+@pytest.mark.counterpart("libreoffice", alone=True)
 def test_libreoffice_puts_a_box_around_each_shape_that_is_not_drawn(tmp_path: Path) -> None:
     (tmp_path / "plan.fodg").write_text(DRAWING, encoding="utf-8")
     command = ("libreoffice", f"-env:UserInstallation=file://{tmp_path}/home", "--headless", "--convert-to", "svg")

@@ -96,6 +96,14 @@ def is_angle(unit: str) -> bool:
     return unit in ANGLES
 
 
+def si_unit(unit: str) -> str:
+    """The unit in which a value of this unit is held: "m" for "mi", "rad" for "deg", "1" for what is a plain number."""
+    dimension = dimension_of(unit)
+    if dimension == NONE:
+        return "rad" if is_angle(unit) else "1"
+    return next(name for name, each in UNITS.items() if each == Unit(1.0, dimension))
+
+
 def to_si(number: float, suffix: str) -> float:
     """`number` of the unit `suffix` in SI, rounded once where the factor allows (50% is 0.5, 45deg is pi/4)."""
     if suffix == "%":

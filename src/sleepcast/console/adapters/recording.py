@@ -110,7 +110,7 @@ class TimelineBuilder:
         elif entry.topic == OBSTACLES:
             self._change(time, unpack(WorldChange, data))
         elif entry.topic == LOG:
-            who, text = read_log(data)
+            who, text, _ = read_log(data)
             timeline.reports.setdefault(who, Track()).add(time, text)
 
     def _account(self, time: float, account: AccountBody) -> None:

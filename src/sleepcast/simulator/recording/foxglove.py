@@ -140,9 +140,19 @@ def log(nanoseconds: int, level: Level, who: str, text: str) -> bytes:
     return timestamp(1, nanoseconds) + whole(2, level) + field(3, text) + field(4, who)
 
 
-def read_log(data: bytes) -> tuple[str, str]:
-    """Who said what, from the bytes of a `Log`. Raises ValueError."""
-    texts = {3: "", 4: ""}
+def read_colours(data: bytes, count: int) -> NDArray[np.uint8]:
+    """The colours of `count` robots from the bytes of `points`: red, green, blue and alpha, shape (count, 4). Raises
+    ValueError."""
+    size = count * _POINT.itemsize
+    if len(data) < size:
+        raise ValueError(f"{len(data)} bytes hold no {count} points")
+    colours: NDArray[np.uint8] = np.frombuffer(data, _POINT, count, len(data) - size)["colour"]
+    return colours
+
+
+def read_log(data: bytes) -> tuple[str, str, Level]:
+    """Who said what, and how severe that is, from the bytes of a `Log`. Raises ValueError."""
+    texts, level = {3: "", 4: ""}, int(Level.INFO)
     at = 0
     try:
         while at < len(data):
@@ -154,9 +164,11 @@ def read_log(data: bytes) -> tuple[str, str]:
                 at += value
             elif tag & 7 != 0:
                 raise ValueError(f"a log line has no fields of wire type {tag & 7}")
+            elif tag >> 3 == 2:
+                level = value
     except IndexError:
         raise ValueError("a log line breaks off") from None
-    return texts[4], texts[3]
+    return texts[4], texts[3], Level(level)
 
 
 # ---- the schemas

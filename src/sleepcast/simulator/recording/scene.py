@@ -93,11 +93,11 @@ def deletion(nanoseconds: int, name: str) -> bytes:
 def ground(nanoseconds: int, scenario: Scenario) -> list[bytes]:
     """Entities of the world's edge, areas, places and lights."""
     wide, high = scenario.width, scenario.height
-    edge = _line(_closed(((0.0, 0.0), (wide, 0.0), (wide, high), (0.0, high))), EDGE)
+    edge = _line(closed(((0.0, 0.0), (wide, 0.0), (wide, high), (0.0, high))), EDGE)
     areas = [
         part
         for area in scenario.areas
-        for part in (_line(_closed(_outline(area)), AREA), _text(_outline(area)[0], area.name, AREA))
+        for part in (_line(closed(outline(area)), AREA), _text(outline(area)[0], area.name, AREA))
     ]
     places = [_text((each.x, each.y), each.title, PLACE) for each in scenario.named_points]
     lights = [_text((each.x, each.y), each.title, LIGHT) for each in scenario.lights]
@@ -111,8 +111,8 @@ def ground(nanoseconds: int, scenario: Scenario) -> list[bytes]:
 
 def walls(nanoseconds: int, shapes: Iterable[Shape]) -> bytes:
     """The entity of everything solid."""
-    segments = [segment for shape in shapes for segment in _segments(shape)]
-    parts = [_line(segments, SOLID)] if 0 < len(segments) <= MAX_SEGMENTS else []
+    lines = [segment for shape in shapes for segment in segments(shape)]
+    parts = [_line(lines, SOLID)] if 0 < len(lines) <= MAX_SEGMENTS else []
     return _entity(nanoseconds, "walls", parts)
 
 
@@ -193,7 +193,8 @@ def _points(number: int, corners: NDArray[np.float64]) -> bytes:
 # ---- outlines
 
 
-def _closed(corners: Sequence[Point]) -> list[tuple[Point, Point]]:
+def closed(corners: Sequence[Point]) -> list[tuple[Point, Point]]:
+    """The sides of what has these corners."""
     return [*pairwise(corners), (corners[-1], corners[0])]
 
 
@@ -202,20 +203,22 @@ def _circle(x: float, y: float, radius: float) -> list[Point]:
     return [(x + radius * cos(angle), y + radius * sin(angle)) for angle in angles]
 
 
-def _outline(area: NamedArea) -> Sequence[Point]:
+def outline(area: NamedArea) -> Sequence[Point]:
+    """The corners of an area, of a disc those of the polygon as which it is drawn, m."""
     if area.is_disc:
         x, y, radius = area.sizes
         return _circle(x, y, radius)
     return list(zip(area.sizes[::2], area.sizes[1::2], strict=True))
 
 
-def _segments(shape: Shape) -> list[tuple[Point, Point]]:
+def segments(shape: Shape) -> list[tuple[Point, Point]]:
+    """The lines, m, by which a solid thing is drawn."""
     if isinstance(shape, Circle):
-        return _closed(_circle(shape.x, shape.y, shape.radius))
+        return closed(_circle(shape.x, shape.y, shape.radius))
     if isinstance(shape, Wall):
         return list(pairwise(shape.points))
     outlines = shape.outlines if isinstance(shape, Area) else (shape.corners,)
-    return [segment for corners in outlines for segment in _closed(corners)]
+    return [segment for corners in outlines for segment in closed(corners)]
 
 
 # ---- the schema

@@ -75,10 +75,11 @@ HOUSE = {
     "experiments": room("language simulator api", "msgspec numpy", "distributed matplotlib optuna pyarrow scipy"),
     "experiment_page": room("loop console experiments", "starlette msgspec"),
     "importing": room("channel simulator", "numpy", late="PIL"),
+    "exporting": room("channel simulator", "numpy msgspec", late="pyarrow rerun rosbags"),
     "gym": room("language columns simulator loop api experiments", "gymnasium pettingzoo numpy"),
     "cli": room(
         "language sentences channel robot mind node fleet simulator bridges loop station tak api experiments importing "
-        "experiment_page console",
+        "exporting experiment_page console",
         "click rich prompt_toolkit msgspec numpy",
     ),
     "__main__": room("cli"),

@@ -315,7 +315,7 @@ def test_go_names_the_extras_that_there_are(clone: Path) -> None:
     for words, said in (((), "No extra is named"), (("maps,gim",), "There is no extra 'gim'")):
         done = run(sys.executable, "go.py", "with", *words, cwd=clone)
         assert (done.returncode, done.stdout) == (2, "")
-        assert done.stderr.startswith(f"{said}: wanted some of cluster, crazyflie, ")
+        assert done.stderr.startswith(f"{said}: wanted some of bags, cluster, crazyflie, ")
 
 
 def test_go_names_the_families_of_counterparts(clone: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import subprocess
+import sys
 from contextlib import suppress
 from pathlib import Path
 
@@ -14,6 +15,9 @@ from mcap.writer import Writer
 
 import families
 import sleepcast as sc
+from exporting.recorded import YARD
+from sleepcast.exporting import export_recording
+from sleepcast.simulator.recording.recording import load_recording
 
 
 @pytest.fixture(scope="module")
@@ -114,3 +118,23 @@ def test_a_decoder_factory_reads_a_second_file_with_the_schemas_of_the_first(tmp
 
     assert [fields(file, factory) for file in files] == [["first"], ["first"]]
     assert fields(files[1], DecoderFactory()) == ["second"]
+
+
+@pytest.mark.counterpart("rerun-sdk", "rosbags")
+def test_rerun_draws_maps_and_ranges_of_a_bag_and_no_arrays_of_poses(tmp_path: Path) -> None:
+    export_recording(load_recording(YARD), "ros2", tmp_path / "bag")
+    convert = [sys.executable, "-m", "rerun", "mcap", "convert", "bag/bag.mcap", "-o", "bag.rrd"]
+    subprocess.run(convert, cwd=tmp_path, capture_output=True, check=True)
+    from rerun.chunk import RrdReader
+
+    drawn: dict[str, set[str]] = {}
+    for chunk in RrdReader(tmp_path / "bag.rrd").stream().to_chunks():
+        names = {name.partition(":")[0] for name in chunk.to_record_batch().schema.names if ":" in name}
+        drawn.setdefault(chunk.entity_path, set()).update(names - {"McapChannel", "McapSchema"})
+    assert "GridMap" in drawn["/map"]
+    assert "InstancePoses3D" in drawn["/scout1/pose"]
+    assert drawn["/tf"] == {"Transform3D"}
+    assert drawn["/scout1/sonar"] == drawn["/scout1/battery_state"] == {"Scalars", "SeriesLines"}
+    assert drawn["/rosout"] == {"TextLog"}
+    assert drawn["/poses"] == {"geometry_msgs.msg.PoseArray"}
+    assert drawn["/scout1/readings/x"] == {"std_msgs.msg.Float64"}

@@ -91,3 +91,26 @@ def test_tables_of_robots_as_each_writes_them_are_places_to_start_from(tmp_path:
     np.savetxt(tmp_path / "numpy.csv", numbers, delimiter=",", header="x,y,heading", comments="")
     for name in ("pandas", "polars", "duckdb", "numpy"):
         assert starts(tmp_path, f"{name}.csv") == [1.0, 2.0], name
+
+
+@pytest.mark.counterpart("pandas", "polars", "duckdb")
+def test_the_metadata_of_a_column_are_left_behind(tmp_path: Path) -> None:
+    """Units stand there in tables that are exported."""
+    import duckdb
+    import pandas
+    import polars
+    import pyarrow
+    import pyarrow.parquet
+
+    file = tmp_path / "readings.parquet"
+    schema = pyarrow.schema(
+        [pyarrow.field("speed", pyarrow.float64(), metadata={"unit": "m/s"})], metadata={"run": "1"}
+    )
+    pyarrow.parquet.write_table(pyarrow.table({"speed": [1.0]}, schema=schema), file)
+    assert pyarrow.parquet.read_schema(file).field("speed").metadata == {b"unit": b"m/s"}
+    read = pandas.read_parquet(file)
+    assert (read.attrs, read["speed"].attrs) == ({}, {})
+    assert not polars.read_parquet(file).to_arrow().schema.field("speed").metadata
+    shown = duckdb.sql(f"SELECT key, value FROM parquet_kv_metadata('{file}')").fetchall()
+    assert (b"run", b"1") in shown
+    assert (b"unit", b"m/s") not in shown

@@ -32,6 +32,7 @@ COMMANDS = {
     "demo": ("sleepcast.cli.run", "demo", "Open a scenario in the browser."),
     "run": ("sleepcast.cli.run", "run", "Run a scenario's mission and print the outcome."),
     "replay": ("sleepcast.cli.replay", "replay", "Show a recording on the page, or check it."),
+    "export": ("sleepcast.cli.export", "export", "Write a recording as a ROS 2 bag, tables, or for Rerun."),
     "sweep": ("sleepcast.cli.sweep", "sweep", "Run a scenario many times, with other settings and seeds."),
     "plot": ("sleepcast.cli.sweep", "plot", "Draw a figure of what a sweep has found."),
     "scenarios": ("sleepcast.cli.scenarios", "scenarios", "List the scenarios, or show the page of one."),

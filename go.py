@@ -286,6 +286,7 @@ def counterparts(*words: str) -> int:
 def try_family(family: str, newest: bool) -> str:
     """Run the tests of a family in an environment of its own."""
     import subprocess
+    import tempfile
 
     print(f"== {family}, {'newest versions' if newest else 'from the lock'}", flush=True)
     try:
@@ -294,8 +295,10 @@ def try_family(family: str, newest: bool) -> str:
             surroundings["SLEEPCAST_RCLPY"] = str(rclpy_environment(newest))
     except SystemExit:  # it has said why
         return "not tried"
-    tests = (python, "-m", "pytest", "--counterparts", family)
-    end = subprocess.run(tests, cwd=ROOT, env=surroundings, check=False).returncode
+    # Else pytest would clear away what other runs of it on this computer have left, and fail where they still write.
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        tests = (python, "-m", "pytest", "--counterparts", family, f"--basetemp={folder}/tests")
+        end = subprocess.run(tests, cwd=ROOT, env=surroundings, check=False).returncode
     return {0: "as it was", 1: "otherwise now"}.get(end, "not tried")
 
 

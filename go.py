@@ -18,7 +18,7 @@ can do without is imported late.
 
 import os
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,9 +29,6 @@ RUN, DEV, DOCS = "requirements/run.txt", "requirements/dev.txt", "requirements/d
 COUNTERPARTS, RCLPY = "requirements/counterparts.txt", "requirements/rclpy.txt"
 FAST = ("llvmlite==", "numba==")
 """What not every computer that runs Python can have (Macs with Intel's processors, Linux with musl), nor needs."""
-ALONE = ("cflib==", "mavproxy==")
-"""What forbids a version of another package that we need to build, or asks for half a gigabyte for windows that no test
-opens, and works all the same."""
 VERSION = "{}.{}".format(*sys.version_info)
 
 
@@ -98,26 +95,27 @@ def fill_environment(lock: str, extras: Sequence[str], stamp: Path) -> None:
         make_environment()
     except (OSError, subprocess.CalledProcessError) as error:
         raise refusal(f"Cannot make the virtual environment {VENV}: {error}", 1) from None
-    packages = packages_of(lock, extras)
 
-    def install(wanted: Callable[[str], bool], *options: str) -> bool:
-        """Install the packages of the lock that are wanted."""
-        chosen = [each for each in packages if wanted(each)]
-        (VENV / "lock.txt").write_text("".join(chosen))
+    def begin(file: str, packages: Sequence[str], *options: str) -> subprocess.Popen[bytes]:
+        """Begin to install these packages, which the file is to list, and nothing else: a lock has all that they need
+        (a test), of the versions that work."""
+        (VENV / file).write_text("".join(packages))
         # Python compiles what is imported when it is; all of it would take longer than the download.
-        how = ("pip", "install", "--quiet", "--disable-pip-version-check", "--no-compile", "--require-hashes", *options)
-        return not chosen or run(*how, "-r", str(VENV / "lock.txt"))
+        how = ("install", "--quiet", "--disable-pip-version-check", "--no-compile", "--no-deps", "--require-hashes")
+        return subprocess.Popen([PYTHON, "-m", "pip", *how, *options, "-r", VENV / file], cwd=ROOT)
 
+    packages = packages_of(lock, extras)
+    fast = [each for each in packages if each.startswith(FAST)]
+    others = [each for each in packages if each not in fast]
+    # One pip keeps one core busy. To build LLVM would take an hour.
+    halves = [begin(f"lock-{part}.txt", others[part::2]) for part in range(min(2, len(others)))]
+    is_fast = not fast or begin("lock-fast.txt", fast, "--only-binary=:all:").wait() == 0
     # The lock holds the build backend too, so the project itself is installed without the network.
     itself = ("--no-index", "--no-deps", "--no-build-isolation", "--editable", ".")
-    if not (
-        install(lambda package: not package.startswith((*FAST, *ALONE)))
-        and install(lambda package: package.startswith(ALONE), "--no-deps")
-        and run("pip", "install", "--quiet", "--disable-pip-version-check", *itself)
-    ):
+    failed = [half for half in halves if half.wait()]
+    if failed or not run("pip", "install", "--quiet", "--disable-pip-version-check", *itself):
         raise refusal("Installing failed; pip says why above. Then run the same command again.", 1)
-    # To build LLVM would take an hour.
-    if not install(lambda package: package.startswith(FAST), "--no-deps", "--only-binary=:all:"):
+    if not is_fast:
         print("sleepcast: numba cannot be installed here, as pip says above: simulations are slower.", file=sys.stderr)
     stamp.write_text(state(lock, extras))
 

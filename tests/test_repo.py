@@ -117,6 +117,20 @@ def test_the_readme_says_what_each_extra_brings() -> None:
     assert listed == sorted(project["optional-dependencies"])
 
 
+def installed_version(name: str) -> str:
+    """The version of a package in this environment; "" if it is not there, as what is for other computers."""
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return ""
+
+
+def needs_of(name: str) -> list[Requirement]:
+    """What a package says that it needs here."""
+    needs = map(Requirement, importlib.metadata.requires(name) or [])
+    return [each for each in needs if each.marker is None or each.marker.evaluate({"extra": ""})]
+
+
 @pytest.mark.parametrize("extra", go.all_extras())
 def test_the_lock_gives_an_extra_all_that_it_needs(extra: str) -> None:
     """And nothing twice: what go.py takes for it is closed, as the packages themselves say."""
@@ -125,14 +139,23 @@ def test_the_lock_gives_an_extra_all_that_it_needs(extra: str) -> None:
     for name in taken:
         assert lock.count(f"\n{name}==") == f"\n{(ROOT / 'requirements' / 'dev.txt').read_text()}".count(f"\n{name}==")
     assert {canonicalize_name(name) for name in go.libraries(extra)} <= taken
-    for name in taken:
-        try:
-            needs = [Requirement(line) for line in importlib.metadata.requires(name) or []]
-        except importlib.metadata.PackageNotFoundError:
-            continue  # for other computers
-        for each in needs:
-            if each.marker is None or each.marker.evaluate({"extra": ""}):
-                assert canonicalize_name(each.name) in taken, f"{name} needs {each}"
+    for name in filter(installed_version, taken):
+        for each in needs_of(name):
+            assert canonicalize_name(each.name) in taken, f"{name} needs {each}"
+
+
+@pytest.mark.parametrize("lock", [go.RUN, go.DEV])
+def test_a_lock_holds_all_that_its_packages_need(lock: str) -> None:
+    """go.py installs what a lock lists and nothing else, so pip does not look for what is missing."""
+    override = (ROOT / "requirements" / "override.txt").read_text()
+    overridden = {Requirement(line).name for line in override.splitlines() if not line.startswith("#")}
+    pins = locked(Path(lock).name)
+    there = {name for name, _ in pins if installed_version(name)}
+    assert len(there) > 20
+    for name in there:
+        for each in needs_of(name):
+            pinned = [version for other, version in pins if other == canonicalize_name(each.name)]
+            assert each.name in overridden or any(map(each.specifier.contains, pinned)), f"{name} needs {each}"
 
 
 def test_the_citation_and_the_changelog_are_of_this_version() -> None:

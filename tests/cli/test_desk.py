@@ -13,7 +13,7 @@ import pytest
 
 from cli.calling import called
 from cli.terminal import Terminal, terminal
-from cli.test_swarm import channel, swarm
+from cli.test_swarm import at_rest, channel, swarm
 
 __all__ = ["channel"]
 
@@ -26,7 +26,7 @@ CTRL_C, CTRL_D, CTRL_Q, CTRL_X = "\x03", "\x04", "\x11", "\x18"
 def desk(channel: str, tmp_path: Path) -> Iterator[Terminal]:
     """A desk of 80 by 24, at which three robots are seen."""
     with (
-        swarm(3, channel),
+        swarm(3, channel, *at_rest(tmp_path)),
         terminal(("desk", "--channel", channel, "--look", "0.5"), tmp_path, size=(80, 24)) as found,
     ):
         found.wait_to_see("Robots 3: S 0, L 0", "o  r1", "o  r3")
@@ -64,8 +64,8 @@ def test_a_command_is_foreseen_sent_and_accounted_for(desk: Terminal) -> None:
     assert desk.status() == 0
 
 
-def test_stop_is_one_key_and_its_account_is_true(desk: Terminal, channel: str) -> None:
-    with swarm(1, channel, "--first", "9") as ninth:
+def test_stop_is_one_key_and_its_account_is_true(desk: Terminal, channel: str, tmp_path: Path) -> None:
+    with swarm(1, channel, "--first", "9", *at_rest(tmp_path)) as ninth:
         desk.wait_to_see("o  r9")
         os.kill(ninth.pid, signal.SIGKILL)
         ninth.wait()

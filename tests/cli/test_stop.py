@@ -17,6 +17,7 @@ from cli.terminal import terminal
 from cli.test_swarm import account, at_rest, channel, swarm
 from processes import SLEEPCAST, live_in, running
 from sleepcast.station.roster import FleetFile
+from small_worlds import write
 
 __all__ = ["channel"]
 
@@ -231,8 +232,8 @@ def test_a_stop_that_no_disk_holds_is_no_success_and_the_next_life_begins_stoppe
         assert [(robot["stopped"], robot["doubt"]) for robot in robots] == [(True, "its store has lost its marker")] * 2
 
 
-def test_it_goes_on_until_all_are_at_rest(channel: str) -> None:
-    """A craft of bravo brakes at 0.5 m/s2, so it has accepted STOP long before it stands."""
+def test_it_goes_on_until_all_are_at_rest(channel: str, tmp_path: Path) -> None:
+    """From 5 m/s these brake at 1 m/s2, so they have accepted STOP long before they stand."""
 
     def on_air(*arguments: str) -> Called:
         return called_warm(*arguments, "--channel", channel)
@@ -240,21 +241,23 @@ def test_it_goes_on_until_all_are_at_rest(channel: str) -> None:
     def moving(found: Called) -> dict[str, dict[str, float]]:
         return dict(json.loads(found.out)["stopping"])
 
-    def driven() -> Called:
-        """Who moves when STOP is accepted; once more where robots of a busy machine did not hear of it in time."""
+    def driven() -> tuple[Called, Called]:
+        """Who moves when STOP is accepted, and what is said from then on; once more where robots of a busy machine did
+        not hear of it in time, or stood before it was asked."""
         on_air("release")
-        on_air("send", "--all", "(DRIVE 8m/s 0)", "--hold", "4")
-        return on_air("stop", "--accepted", "--json")
+        on_air("send", "--all", "(DRIVE 5m/s 0)", "--hold", "4")
+        return on_air("stop", "--accepted", "--json"), on_air("stop")
 
-    with swarm(2, channel):
-        accepted = again_until(lambda found: len(moving(found)) == 2, driven)
+    slow = write(tmp_path, ('acceleration = "2m/s2"', 'acceleration = "1m/s2"'))
+    with swarm(2, channel, "--scenario", str(slow)):
+        accepted, done = again_until(
+            lambda found: len(moving(found[0])) == 2 and "still moving" in found[1].err, driven
+        )
         assert accepted.status == 0, "that is what was asked for"
         for state in moving(accepted).values():
-            assert state["distance"] == pytest.approx(state["speed"] ** 2)
-        done = on_air("stop")
+            assert state["distance"] == pytest.approx(state["speed"] ** 2 / 2)
         assert done.status == 0
         assert "stopped 2: r1, r2\n  at rest 2\n  silent 0" in done.out
-        assert "still moving" in done.err
         assert "AT REST" in on_air("watch", "--once").out
         found = json.loads(on_air("stop", "--json").out)
         assert (found["n_at_rest"], found["n_stopping"], found["n_accepted"]) == (2, 0, 0)

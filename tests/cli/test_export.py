@@ -224,7 +224,7 @@ def test_ctrl_c_leaves_nothing(yard: Path) -> None:
 
 def test_long_recordings_are_not_kept_in_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ten times the chunks of a file take no more of it."""
-    monkeypatch.setattr(recorder, "CHUNK", 20_000)
+    monkeypatch.setattr(recorder, "CHUNK", 10_000)
 
     def pictures(count: int) -> Callable[[Recorder], None]:
         def fill(into: Recorder) -> None:
@@ -234,13 +234,13 @@ def test_long_recordings_are_not_kept_in_memory(tmp_path: Path, monkeypatch: pyt
         return fill
 
     most = []
-    for count in (200, 2_000):
+    for count in (100, 1_000):
         recording = recorded(tmp_path / str(count), pictures(count))
         command = [sys.executable, "-c", PEAK, str(recording.file)]
         done = subprocess.run(command, capture_output=True, text=True, check=True)
         most.append(int(done.stdout))
         assert polars.read_csv(recording.file.parent / "run-csv" / "poses.csv").height == 3 * count
-    assert most[1] - most[0] < 300_000, most
+    assert most[1] - most[0] < 200_000, most
 
 
 PEAK = """
@@ -256,6 +256,10 @@ print(tracemalloc.get_traced_memory()[1])
 """
 
 
+FORMAT = st.sampled_from(("csv", "csv", "csv", "csv", "parquet", "ros2"))
+"""A bag takes ten times as long as tables."""
+
+
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Where damaged recordings lie, and what is exported of them beside them."""
@@ -268,13 +272,13 @@ def test_damaged_files_are_exported_as_far_as_they_go_or_refused(run: Path, data
     for at in data.draw(st.lists(st.integers(0, len(whole) - 1), max_size=4)):
         whole[at] ^= 1 << data.draw(st.integers(0, 7))
     length = data.draw(st.integers(0, len(whole)))
-    _exported_or_refused(run, bytes(whole[:length]), data.draw(st.sampled_from(TABLES)))
+    _exported_or_refused(run, bytes(whole[:length]), data.draw(FORMAT))
 
 
 @given(data=st.data())
 def test_messages_that_hold_anything_are_exported_or_refused(run: Path, data: st.DataObject) -> None:
     """Also where checksums are right: one message of the recording is changed, and the file written anew."""
-    at, to = data.draw(st.integers(0, len(MESSAGES) - 1)), data.draw(st.sampled_from(TABLES))
+    at, to = data.draw(st.integers(0, len(MESSAGES) - 1)), data.draw(FORMAT)
     topic, time, body = MESSAGES[at]
     noise = data.draw(
         st.binary(max_size=20) | st.sampled_from([b"1e400", b"-1", b"null", b"\\ud800", b"[]", b"9" * 30])
@@ -287,7 +291,8 @@ def test_messages_that_hold_anything_are_exported_or_refused(run: Path, data: st
 def _exported_or_refused(file: Path, content: bytes, to: str) -> None:
     file.write_bytes(content)
     with suppress(SleepcastError):
-        export_recording(load_recording(file), to, place_of(file, to), force=True)
+        only = ["scout2"] if to == "ros2" else ()  # each topic takes a while
+        export_recording(load_recording(file), to, place_of(file, to), only=only, force=True)
     assert beside(file) <= {f"run-{each}" for each in TABLES}
 
 

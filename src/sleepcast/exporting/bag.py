@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from functools import partial
+from functools import cache, partial
 from math import cos, inf, isnan, nan, pi, sin
 from pathlib import Path
 from typing import Any
@@ -94,6 +94,14 @@ def topic_names(names: Iterable[str]) -> dict[str, str]:
     return told
 
 
+@cache
+def _message_types() -> Any:
+    """The message types of Jazzy. The library makes code of each that is used, which takes half a second."""
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
 class Bag:
     """A bag to which messages are written. counts: messages so far by topic; types: of topics. Raises
     MissingExtraError, and OSError if it cannot be written."""
@@ -102,13 +110,12 @@ class Bag:
         try:
             from rosbags import interfaces
             from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-            from rosbags.typesys import Stores, get_typestore
         except ImportError as error:
             raise MissingExtraError(
                 f"bags of ROS 2 are written with rosbags, which is not here; to install it: {installing('bags')}"
             ) from error
         self._ros: Any = interfaces
-        self._store = get_typestore(Stores.ROS2_JAZZY)
+        self._store = _message_types()
         self._writer = Writer(folder, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP)
         self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
         for key, value in facts.items():

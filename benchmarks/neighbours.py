@@ -1,10 +1,12 @@
-"""What it costs robots to sense their neighbours: (MEAN_HEADING 1m) and others, at one robot per square metre.
+"""What it costs robots to sense their neighbours: (MEAN_HEADING 1m) and others, and forms that go through neighbours,
+at one robot per square metre.
 
     python -m benchmarks.neighbours [--robots N] [--quick] [--json]
 
 The robots of the scenario `vicsek` stand in a world without edges. In each tick, when nothing is known of it yet,
-everybody asks once. Times are of the processor, over all threads, since the machine may do other things
-besides; each is the median of some ticks after two that compile and warm everything up.
+everybody asks once. Forms, and the function of the same radius, are evaluated in turns, as expressions. Times are of
+the processor, over all threads, since the machine may do other things besides; each is the median of some ticks after
+two that compile and warm everything up.
 """
 
 from __future__ import annotations
@@ -18,11 +20,20 @@ from importlib.util import find_spec
 import numpy as np
 
 from benchmarks.report import Bar, Json, described, machine, middle, number, table
+from sleepcast.loop import Swarm
 from sleepcast.simulator import Changes, Simulator, choose, find_scenario
+from sleepcast.simulator.bodies.range_and_bearing import RangeAndBearing
 
 ASKED = ("COUNT", "MEAN_X", "MEAN_HEADING", "NEAREST_DIST", "GAP")
 BAR = ("MEAN_HEADING", 10_000, 3.0)
 """The function, the robots, and the ms a tick that were promised, with compiled kernels."""
+FORMS = (
+    ("(MEAN_X 1m)", None),
+    ("(MEAN-OVER (n 1m) (OF n x))", 6.0),
+    ("(MEAN_X 5m)", None),
+    ("(MEAN-OVER (n 5m) (OF n x))", 60.0),
+)
+"""Expressions, and the ms a tick that were promised for so many robots."""
 RADIUS = 1.0
 WARM = 2
 
@@ -47,6 +58,23 @@ def milliseconds(on: str, robots: int, ticks: int) -> dict[str, float]:
     return found
 
 
+def form_milliseconds(on: str, robots: int, ticks: int) -> dict[str, float]:
+    """What each form takes a tick, on this machine, everything that evaluates it included."""
+    settings = (("world.area_per_robot", 1.0), ("neighbours.reach", "6m"))
+    simulator = Simulator(find_scenario("vicsek", Changes(robots=robots, over=settings)), machine=choose(on))
+    queries = Swarm(simulator).fleet.queries
+    near = simulator.senses.of(RangeAndBearing)
+    times: dict[str, list[float]] = {text: [] for text, _ in FORMS}
+    for _ in range(WARM + ticks):
+        simulator.step()
+        for text, taken in times.items():
+            near.forget()
+            began = time.process_time()
+            queries[text].values(0.0)
+            taken.append(1e3 * (time.process_time() - began))
+    return {text: middle(taken[WARM:]) for text, taken in times.items()}
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.neighbours", description=(__doc__ or "").partition("\n\n")[0]
@@ -56,17 +84,25 @@ def main() -> int:
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     options = parser.parse_args()
     machines = ["numpy", *(["numba"] if find_spec("numba") else [])]
-    found = {on: milliseconds(on, options.robots, 3 if options.quick else 50) for on in machines}
+    ticks = 3 if options.quick else 50
+    found = {on: milliseconds(on, options.robots, ticks) for on in machines}
+    forms = {on: form_milliseconds(on, options.robots, ticks) for on in machines}
     name, robots, most = BAR
     known = "numba" in found and options.robots == robots
     note = "" if known else f"wanted numba, and {robots:,} robots"
-    bar = Bar(f"({name} 1m) of {robots:,} robots", found["numba"][name] if known else None, most, "ms", False, note)
+    bars = [Bar(f"({name} 1m) of {robots:,} robots", found["numba"][name] if known else None, most, "ms", False, note)]
+    for text, limit in FORMS:
+        if limit is not None:
+            measured = forms["numba"][text] if known else None
+            bars.append(Bar(f"{text} of {robots:,} robots", measured, limit, "ms", False, note))
     if options.json:
-        print(json.dumps(Json(machine=machine(), robots=options.robots, ms=found, bar=bar.to_dict())))
+        told = [bar.to_dict() for bar in bars]
+        print(json.dumps(Json(machine=machine(), robots=options.robots, ms=found, forms=forms, bar=told[0], bars=told)))
         return 0
     rows = [(f"`({each} 1m)`", *(number(found[on][each]) for on in machines)) for each in ASKED]
+    rows += [(f"`{text}`", *(number(forms[on][text]) for on in machines)) for text, _ in FORMS]
     heads = (f"{options.robots:,} robots, ms a tick", *machines)
-    print(f"{described(machine())}\n\n{table(heads, rows)}\n\n{bar.text}")
+    print(f"{described(machine())}\n\n{table(heads, rows)}\n\n" + "\n".join(bar.text for bar in bars))
     return 0
 
 

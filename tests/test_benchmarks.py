@@ -304,6 +304,7 @@ def test_the_neighbours_benchmark_times_every_function_and_has_its_bar() -> None
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert all(len(each) == 5 and min(each.values()) > 0.0 for each in found["ms"].values())
+    assert all(len(each) == 4 and min(each.values()) > 0.0 for each in found["forms"].values())
     assert found["bar"]["value"] is None  # it is about ten thousand robots
 
 

@@ -21,7 +21,7 @@ from language.cases import Block, Case, Outcome, blocks, mismatch
 from sleepcast.core.units import UNITS, to_si
 from sleepcast.language.reader import format_literal
 
-BLOCKS = blocks()
+BLOCKS = [block for block in blocks() if block.boards]
 PLACE = re.compile(r" at \d+:\d+")
 
 
@@ -119,6 +119,25 @@ def test_a_priority_is_refused_in_a_sentence(robot: board.Talk) -> None:
     for text in ("(RULE a 1 :priority 2)", "(RULE a (ONCE marked (UNMARK)) :priority 2)"):
         assert evaluate(robot, text).refused.startswith("RULE has no :priority on this computer"), text
     assert evaluate(robot, "(RULE a 1)").value == 1.0
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "(NEAREST_ID 5m)",
+        "(OF 7 x)",
+        "(SUM-OVER (n 5m) (OF n x))",
+        "(BEST-OVER (n 5m 1) (OF n distance))",
+        "(FOR-NEIGHBOURS (n 5m) (MARK))",
+    ],
+)
+def test_neighbours_are_a_fault_with_a_sentence(robot: board.Talk, text: str) -> None:
+    fresh(robot)
+    outcome = evaluate(robot, text)
+    assert math.isnan(outcome.value)
+    name = text[1:].partition(" ")[0]
+    assert [fault.casefold() for fault in outcome.faults] == [f"this robot has no function {name}".casefold()]
+    assert evaluate(robot, "marked").value == 0.0
 
 
 def test_a_rule_that_fails_ten_times_is_deactivated_and_rollback_restores_what_worked(robot: board.Talk) -> None:

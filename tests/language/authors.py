@@ -35,6 +35,7 @@ REMEMBERING = (
     ("ONCE", 1, 2), ("HELD", 2, 0), ("HYSTERESIS", 3, 0), ("EVERY", 1, 2), ("AFTER", 1, 2), ("WITHIN", 2, 0),
     ("AGE", 1, 0),
 )  # fmt: skip
+OVER = ("SUM-OVER", "MEAN-OVER", "MIN-OVER", "MAX-OVER", "COUNT-OVER", "BEST-OVER")
 ACTS = ("SLEEP", "WAKE", "FREEZE", "THAW", "MARK", "UNMARK")
 
 
@@ -58,11 +59,16 @@ class Author:
         self.calls = (
             *(self.fold,) * 4, *(self.unary,) * 4, *(self.binary,) * 4, self.geometry, self.edge, self.clamp,
             *(self.comparison,) * 5, *(self.junction,) * 5, *(self.cond,) * 3, *(self.choice,) * 4,
-            *(self.sequence,) * 2, *(self.let,) * 3, self.dotimes, *(self.setq,) * 5, *(self.setq_local,) * 2,
-            self.defvar, *(self.store,) * 3, self.rule, *(self.remembering,) * 2, self.about_rule, self.defun,
-            self.area, *(self.operator,) * 2, *(self.group,) * 2, self.prob, self.dice, self.random, self.act,
-            self.report, self.tell, *(self.body,) * 2, self.stranger,
+            *(self.sequence,) * 2, *(self.let,) * 3, self.dotimes, *(self.over,) * 3, self.each, *(self.of,) * 2,
+            *(self.setq,) * 5, *(self.setq_local,) * 2, self.defvar, *(self.store,) * 3, self.rule,
+            *(self.remembering,) * 2, self.about_rule, self.defun, self.area, *(self.operator,) * 2,
+            *(self.group,) * 2, self.prob, self.dice, self.random, self.act, self.report, self.tell,
+            *(self.body,) * 2, self.stranger,
         )  # fmt: skip
+        self.looking = (
+            self.fold, self.unary, self.binary, self.comparison, self.junction, self.choice, self.of, self.prob,
+        )  # fmt: skip
+        """What does nothing, whatever it is made of."""
 
     def text(self) -> str:
         """One expression, as a message."""
@@ -166,6 +172,41 @@ class Author:
             loops=place.loops + 1,
         )
         return f"(DOTIMES ({counter} {self.chance.randint(0, 4)}) {self.several(inside, depth, 0, 3)})"
+
+    # ---- neighbours
+
+    def around(self, place: Place, depth: int) -> tuple[str, str, Place]:
+        """A neighbour's name, where neighbours are looked for, and a place where that name may be read."""
+        name = self.one_of(("n", "m", "p"))
+        radius = self.one_of(("1m", "3m", "3m", "10m", "10m", "10m", "-1m", "UNKNOWN"))
+        colour = f" {self.one_of(('0', '1', 'v1'))}" if self.chance.randrange(4) == 0 else ""
+        inside = place._replace(
+            readable=(*place.readable, name),
+            assignable=tuple(each for each in place.assignable if each != name),
+            loops=place.loops + 2,
+        )
+        return name, f"({name} {radius}{colour})", inside
+
+    def over(self, place: Place, depth: int) -> str:
+        if place.loops:
+            return self.leaf(place)
+        name, which, inside = self.around(place, depth)
+        calls, self.calls = self.calls, self.looking
+        value = self.of_one(name) if self.chance.randrange(2) else self.expression(inside, min(depth, 1))
+        self.calls = calls
+        return f"({self.one_of(OVER)} {which} {value})"
+
+    def each(self, place: Place, depth: int) -> str:
+        if place.loops:
+            return self.leaf(place)
+        _, which, inside = self.around(place, depth)
+        return f"(FOR-NEIGHBOURS {which} {self.several(inside, min(depth, 2), 0, 2)})"
+
+    def of(self, place: Place, depth: int) -> str:
+        return self.of_one(self.one_of(("2", "3", "7", "7.5", "(NEAREST_ID 10m)", "id", *place.readable)))
+
+    def of_one(self, neighbour: str) -> str:
+        return f"(OF {neighbour} {self.one_of(('x', 'y', 'heading', 'distance', 'bearing', 'colour', 'opinion'))})"
 
     # ---- assignment
 

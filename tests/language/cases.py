@@ -8,7 +8,7 @@ A machine that joins the house later joins the table.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -21,6 +21,7 @@ import numpy as np
 from language.reference import Reference
 from sleepcast.channel import message
 from sleepcast.core.model import Quantity
+from sleepcast.core.neighbours import nearest_id
 from sleepcast.core.units import SPEED
 from sleepcast.fleet import Fleet, RobotView
 from sleepcast.fleet.native.kernels import Kernels, available
@@ -35,12 +36,15 @@ from sleepcast.language import (
     format_value,
     program,
 )
+from sleepcast.language.numerics import angle
 from sleepcast.language.symbols import Operator
 from sleepcast.mind.views import Result
 from sleepcast.node.node import Node
 
 FOLDER = Path(__file__).parent.parent / "cases"
 OTHER_DIALECTS = {"classic", "faithful", "appendix-a"}
+NOT_BOARDS = ":not boards"
+"""Stands before the first case of a file whose forms small computers do not have."""
 NEARLY = 1e-9
 """How far a value written `~2.5` may be off, as a part of it."""
 
@@ -51,8 +55,9 @@ NEARLY = 1e-9
 class Body:
     """The body of that robot: it notes what it was asked to do."""
 
-    def __init__(self) -> None:
+    def __init__(self, around: Mapping[float, Mapping[str, float]] | None = None) -> None:
         self.done: list[str] = []
+        self.around = around or {}
 
     def do(self, name: str, *arguments: float | str) -> None:
         written = [format_value(x) if isinstance(x, float) else f'"{x}"' for x in arguments]
@@ -60,6 +65,25 @@ class Body:
 
     def fail(self) -> float:
         raise RuntimeError("a wire is loose")
+
+    def neighbours(self, most: int, radius: float, *colour: float) -> list[float]:
+        """The ids of those within the radius, the nearest ones first."""
+        if radius < 0:
+            raise RuntimeError("a radius below 0")
+        near = [(self.shown("distance", n), n) for n in self.around if self.shown("distance", n) <= radius]
+        return [n for _, n in sorted(near) if not colour or self.shown("colour", n) == colour[0]][:most]
+
+    def nearest(self, radius: float, *colour: float) -> float:
+        return next(iter(self.neighbours(1, radius, *colour)), math.nan)
+
+    def shown(self, name: str, neighbour: float) -> float:
+        """What a neighbour shows to this body, which stands at the origin."""
+        shows = self.around.get(neighbour)
+        if shows is None or name in shows:
+            return math.nan if shows is None else shows[name]
+        x, y = shows["x"], shows["y"]
+        seen = {"distance": math.sqrt(x * x + y * y), "bearing": angle(y, x), "colour": 0.0}
+        return seen.get(name, math.nan)
 
 
 FUNCTIONS = (
@@ -69,6 +93,9 @@ FUNCTIONS = (
     HostFunction("SONAR", lambda body, i: i / 2, (None,), arguments="i", acts=False),
     HostFunction("GIVE", lambda body, x: x, (None,), arguments="x", acts=False),
     HostFunction("MUTE", lambda body: math.nan, acts=False),
+    nearest_id(
+        Body.nearest, Body.neighbours, lambda name, body, n: body.shown(name, n), more={"opinion": "", "fuel": "%"}
+    ),
     HostFunction("LOOSE", lambda body: body.fail(), acts=False),
 )
 SENSORS = (
@@ -87,12 +114,14 @@ CONSTANTS = (Constant("FRONT", 1.0), Constant("REAR", 2.0))
 
 @dataclass
 class Setting:
-    """The robot before its first case. values: measured, by the sensor's or actuator's key."""
+    """The robot before its first case. values: measured, by the sensor's or actuator's key. around: its neighbours by
+    their ids, what each shows by its name."""
 
     extra: list[Quantity] = field(default_factory=list)
     values: dict[str, float] = field(default_factory=dict)
     number: int = 0
     seed: int = 0
+    around: dict[float, dict[str, float]] = field(default_factory=dict)
 
     def vocabulary(self) -> Vocabulary:
         sensors = (*SENSORS, *self.extra)
@@ -141,7 +170,7 @@ class ReferenceMachine:
     checks = False
 
     def __init__(self, setting: Setting) -> None:
-        self.body = Body()
+        self.body = Body(setting.around)
         self.mind = Reference(setting.vocabulary(), number=setting.number, seed=setting.seed, body=self.body)
         self.mind.values.update(setting.values)
 
@@ -174,7 +203,7 @@ class NodeMachine:
     checks = True
 
     def __init__(self, setting: Setting, *, compiled: bool = False) -> None:
-        self.body, self.compiled = Body(), compiled
+        self.body, self.compiled = Body(setting.around), compiled
         self.result: Result
         vocabulary = setting.vocabulary()
         self.mind = Node("robot", vocabulary, number=setting.number, seed=setting.seed, body=self.body)
@@ -233,7 +262,7 @@ class Herd:
     native: whatever can be native code is, from its first evaluation on."""
 
     def __init__(self, settings: Sequence[Setting], *, native: bool) -> None:
-        self.bodies = [Body() for _ in settings]
+        self.bodies = [Body(each.around) for each in settings]
         names = [f"robot{i}" for i in range(len(settings))]
         vocabulary = settings[0].vocabulary()
         self.fleet = Fleet(
@@ -321,7 +350,9 @@ def other_setting(setting: Setting, which: int) -> Setting:
     names, given = list(setting.values), list(setting.values.values())
     turned = given[which:] + given[:which]
     values = [math.nan if (i + which) % 3 == 0 else -value if i % 2 else value for i, value in enumerate(turned)]
-    return replace(setting, values=dict(zip(names, values, strict=True)), number=setting.number + which)
+    around = dict(list(setting.around.items())[which:])
+    values = dict(zip(names, values, strict=True))
+    return replace(setting, values=values, number=setting.number + which, around=around)
 
 
 MACHINES: dict[str, Callable[[Setting], Machine]] = {
@@ -354,9 +385,10 @@ class Case:
 
 @dataclass
 class Block:
-    """Cases that share one robot."""
+    """Cases that share one robot. boards: whether small computers do the same."""
 
     title: str
+    boards: bool = True
     setting: Setting = field(default_factory=Setting)
     cases: list[Case] = field(default_factory=list)
 
@@ -401,12 +433,16 @@ def apply_setting(setting: Setting, where: str, line: str) -> None:
         setting.seed = int(rest)
     elif command == ":set":
         setting.values[name.strip().casefold()] = number(value)
+    elif command == ":neighbour":
+        name, *shows = rest.split()
+        pairs = (show.partition("=") for show in shows)
+        setting.around[float(name)] = {key: number(value) for key, _, value in pairs}
     elif command == ":sensor":
         value, _, unit = value.partition(" ")
         setting.extra.append(Quantity(name.strip(), unit.strip()))
         setting.values[name.strip().casefold()] = number(value)
     else:
-        raise ValueError(f"{where}: {command} is none of :set :sensor :robot :seed")
+        raise ValueError(f"{where}: {command} is none of :set :sensor :neighbour :robot :seed")
 
 
 def number(written: str) -> float:
@@ -415,9 +451,12 @@ def number(written: str) -> float:
 
 def read_blocks(path: Path) -> list[Block]:
     found: list[Block] = []
+    boards = True
     for where, line in logical_lines(path):
-        if line.startswith("--- "):
-            found.append(Block(f"{path.stem}: {line[4:]}"))
+        if line == NOT_BOARDS and not found:
+            boards = False
+        elif line.startswith("--- "):
+            found.append(Block(f"{path.stem}: {line[4:]}", boards))
         elif line.startswith(":"):
             apply_setting(found[-1].setting, where, line)
         else:

@@ -207,7 +207,7 @@ def one_robot(seed: int, report: Report) -> None:
         values={"fuel": 0.5, "x": 3.0, "throttle": 0.0}, number=chance.randrange(9), seed=chance.getrandbits(64)
     )
     direct = NodeMachine(setting, compiled=chance.random() < 0.5)
-    radio = Node("robot", setting.vocabulary(), body=Body())
+    radio = Node("robot", setting.vocabulary(), body=Body(setting.around))
     for tick in range(TEXTS):
         text = chance.choice(SOURCES)(chance)
         begun = time.process_time()

@@ -13,10 +13,11 @@ from __future__ import annotations
 import math
 import sys
 from collections import ChainMap
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from typing import NamedTuple
 
 from language.reference_forms import (
+    AROUND,
     FLAGS,
     arguments,
     cost,
@@ -172,7 +173,8 @@ class Reference:
         if isinstance(form, Symbol):
             return self.name(form, scope)
         head = head_of(form)
-        if head in SPECIAL and not (head in ("area", "inside", "to-edge") and head in self.operators):
+        gives_way = head in ("area", "inside", "to-edge", "of") or head in AROUND
+        if head in SPECIAL and not (gives_way and head in self.operators):
             return float(SPECIAL[head](self, arguments(form), scope))
         if head in PURE:
             return self.pure(head, arguments(form), scope)
@@ -293,6 +295,59 @@ class Reference:
         for i in range(repeats(forms[0])):
             self.in_turn(forms[1:], scope.new_child({counter: float(i)}))
         return 0.0
+
+    # ---- neighbours ----
+
+    def neighbours(self, forms: Sequence[Form], scope: Scope, most: int) -> list[tuple[float, float]] | None:
+        """For each neighbour in the order of their ids, the id and the value of the rest; None if unknown."""
+        name, *which = items(forms[0])
+        sensor = self.vocabulary.bindings["nearest_id"].neighbours
+        given = [self.value(form, scope) for form in which]
+        if any(map(math.isnan, given)):
+            return None
+        try:
+            near = sorted(sensor.call(self.body, most, *given))
+        except Exception:
+            self.fault("NEAREST_ID failed")
+            return None
+        return [(n, self.in_turn(forms[1:], scope.new_child({key_of(name): n}))) for n in near]
+
+    def do_for_neighbours(self, forms: Sequence[Form], scope: Scope) -> float:
+        return UNKNOWN if self.neighbours(forms, scope, 64) is None else 0.0
+
+    def over(self, forms: Sequence[Form], scope: Scope, of: Callable[[list[tuple[float, float]]], float]) -> float:
+        """A number from the neighbours whose value is known."""
+        near = self.neighbours(forms, scope, 256)
+        if near is None:
+            return UNKNOWN
+        result = of([(n, value) for n, value in near if not math.isnan(value)])
+        return self.fault("overflow") if math.isinf(result) else result
+
+    def do_sum_over(self, forms: Sequence[Form], scope: Scope) -> float:
+        return self.over(forms, scope, in_turn_added)
+
+    def do_mean_over(self, forms: Sequence[Form], scope: Scope) -> float:
+        return self.over(forms, scope, lambda known: in_turn_added(known) / len(known) if known else UNKNOWN)
+
+    def do_min_over(self, forms: Sequence[Form], scope: Scope) -> float:
+        return self.over(forms, scope, lambda known: min((value for _, value in known), default=UNKNOWN))
+
+    def do_max_over(self, forms: Sequence[Form], scope: Scope) -> float:
+        return self.over(forms, scope, lambda known: max((value for _, value in known), default=UNKNOWN))
+
+    def do_count_over(self, forms: Sequence[Form], scope: Scope) -> float:
+        return self.over(forms, scope, lambda known: float(sum(true(value) for _, value in known)))
+
+    def do_best_over(self, forms: Sequence[Form], scope: Scope) -> float:
+        return self.over(forms, scope, lambda known: min(known, key=lambda each: each[1], default=(UNKNOWN, 0.0))[0])
+
+    def do_of(self, forms: Sequence[Form], scope: Scope) -> float:
+        neighbour = self.value(forms[0], scope)
+        fields = dict(self.vocabulary.bindings["nearest_id"].neighbours.fields)
+        field = fields.get(key_of(forms[1]))
+        if field is None or math.isnan(neighbour):
+            return UNKNOWN
+        return float(field.call(self.body, neighbour))
 
     # ---- assignment ----
 
@@ -522,6 +577,14 @@ class Reference:
             return self.fault("unknown")
         self.pings.append(caste)
         return 1.0
+
+
+def in_turn_added(known: list[tuple[float, float]]) -> float:
+    """The sum of the values, one after the other; infinite if it ever was."""
+    total = 0.0
+    for _, value in known:
+        total += value
+    return math.inf if math.isnan(total) else total
 
 
 def filled(template: Form, numbers: Iterator[float]) -> Form:

@@ -15,6 +15,11 @@ NAMING = {
     QUOTE,
 }  # fmt: skip
 """Calls whose arguments are names and stored text: nothing of them is evaluated."""
+AROUND = {
+    "sum-over": 256, "mean-over": 256, "min-over": 256, "max-over": 256, "count-over": 256, "best-over": 256,
+    "for-neighbours": 64,
+}  # fmt: skip
+"""Calls that evaluate their rest for each neighbour, and for how many at most."""
 FLAGS = {
     "sleep": ("sleeping", 1.0),
     "wake": ("sleeping", 0.0),
@@ -60,6 +65,10 @@ def evaluated(form: Form) -> list[Form]:
         return [part for clause in rest for part in items(clause)]
     if head == "let":
         return [arguments(pair)[0] for pair in items(rest[0])] + rest[1:]
+    if head in AROUND:
+        return [*items(rest[0])[1:], *rest[1:]]
+    if head == "of":
+        return rest[:1]
     if head == "tell":
         return [] if is_call(rest[0], QUOTE) else list(unquoted(rest[0]))
     if head in ("setq", "lease", "defvar", "dotimes"):
@@ -83,6 +92,9 @@ def key_of(form: Form) -> str:
 def cost(form: Form) -> int:
     """Steps charged on entering `form`: one for each number, name and call in it, as often as DOTIMES repeats it; a
     call that stores an expression costs 40 more, and one for each number, name and call in that."""
+    if (most := AROUND.get(head_of(form))) is not None:
+        which = items(arguments(form)[0])[1:]
+        return 1 + sum(map(cost, which)) + most * sum(map(cost, arguments(form)[1:]))
     inside = sum(map(cost, evaluated(form)))
     storing = 40 + sum(map(size, kept)) if (kept := stored(form)) is not None else 0
     edge = 2 if is_call(form, "inside") else 0  # it compares the distance to the edge with a number
@@ -128,7 +140,7 @@ def named(form: Form, local: frozenset[str] = frozenset()) -> set[str]:
     if head in ("inside", "to-edge") and isinstance(arguments(form)[0], Symbol):
         return {key_of(arguments(form)[0])}
     inside = local | bound(form)
-    body = arguments(form)[1:] if head in ("let", "dotimes") else ()
+    body = arguments(form)[1:] if head in ("let", "dotimes") or head in AROUND else ()
     found = {head} if head else set()
     for part in evaluated(form):
         found |= named(part, inside if any(part is other for other in body) else local)
@@ -136,10 +148,12 @@ def named(form: Form, local: frozenset[str] = frozenset()) -> set[str]:
 
 
 def bound(form: Form) -> frozenset[str]:
-    """The keys of the names that a LET or DOTIMES makes for its body, none for anything else."""
+    """The keys of the names that a LET, a DOTIMES or a form about neighbours makes for its body, none for anything
+    else."""
     if is_call(form, "let"):
         return frozenset(key_of(items(pair)[0]) for pair in items(arguments(form)[0]))
-    return frozenset({key_of(items(arguments(form)[0])[0])}) if is_call(form, "dotimes") else frozenset()
+    counted = is_call(form, "dotimes") or head_of(form) in AROUND
+    return frozenset({key_of(items(arguments(form)[0])[0])}) if counted else frozenset()
 
 
 def deciding_tests(
@@ -178,7 +192,7 @@ def acts(form: Form, known: Container[str], vocabulary: Vocabulary, local: froze
     function = vocabulary.bindings.get(head)
     if isinstance(function, HostFunction):
         acting = function.acts
-    elif head not in FUNCTIONS and head not in known and head != "area":
+    elif head not in FUNCTIONS and head not in known and head != "area" and head != "of" and head not in AROUND:
         return False  # a function that the robot does not have does nothing, nor do its arguments
     else:
         acting = head in ACTING and not (head == "setq" and key_of(arguments(form)[0]) in local)

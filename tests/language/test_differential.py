@@ -34,11 +34,16 @@ EXPLAINED = max(60, settings().max_examples // 4)
 TEXTS = 6
 """Expressions evaluated in each of them."""
 NUMBERS = st.sampled_from([math.nan, 0.0, 0.25, 0.5, 1.0, 3.0, -2.0, 1e300])
+SHOWN = st.fixed_dictionaries(
+    {"x": st.sampled_from([0.0, 1.0, -2.0, 2.5]), "y": st.sampled_from([0.0, 0.25, 2.0])},
+    optional={"opinion": NUMBERS, "colour": st.sampled_from([0.0, 1.0]), "heading": NUMBERS},
+)
 SETTINGS = st.builds(
     Setting,
     values=st.fixed_dictionaries(dict.fromkeys(("fuel", "x", "speed", "sonar1", "throttle"), NUMBERS)),
     number=st.integers(0, 1_000),
     seed=st.integers(0, 2**32),
+    around=st.dictionaries(st.sampled_from([1.0, 2.0, 3.0, 7.0, 30.0]), SHOWN),
 )
 
 

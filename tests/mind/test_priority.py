@@ -13,7 +13,7 @@ from sleepcast.channel import Message
 from sleepcast.channel.message import HOPS, Kind
 from sleepcast.language import CheckError
 from sleepcast.language.functions import MAX_PRIORITY, PRIORITY
-from sleepcast.language.vocabulary import Vocabulary
+from sleepcast.language.vocabulary import NEW_FORMS, Vocabulary
 from sleepcast.mind.inspection import mind_text
 from sleepcast.mind.state import MindState, RuleState, SharedRule
 from sleepcast.mind.telemetry import VocabularyRecord, read_mind, read_vocabulary, vocabulary_text
@@ -208,7 +208,7 @@ def test_a_desk_far_away_sees_priorities_and_robots_of_0_2_0_tell_none() -> None
     assert "priorities" not in mind_text(node.memory.base), "as it was"
     node.evaluate("(RULE b 1 :priority -3)")
     assert read_mind(mind_text(node.memory.base)).priorities == {"b": -3}
-    assert read_vocabulary(vocabulary_text(Vocabulary())).forms == {PRIORITY}
+    assert read_vocabulary(vocabulary_text(Vocabulary())).forms == NEW_FORMS
     old = vocabulary_text(Vocabulary("old", forms=frozenset()))
     assert "forms" not in old
     assert read_vocabulary(old).forms == frozenset()
@@ -279,4 +279,4 @@ def test_a_tell_carries_no_priority() -> None:
     fleet = Fleet(r1=rover("new"))
     fleet.tell("r1")
     assert "only a commander can" in said(fleet, "(TELL (WHEN TRUE (RULE a 1 :priority 2)))")
-    assert VocabularyRecord.of(rover("new"), 0).forms == [PRIORITY]
+    assert VocabularyRecord.of(rover("new"), 0).forms == sorted(NEW_FORMS)

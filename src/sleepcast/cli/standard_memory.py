@@ -9,6 +9,7 @@ from sleepcast.channel import Kind
 from sleepcast.cli.memories import EVALUATED, REFUSED, UNKNOWN, UNREADABLE, EvalOutcome
 from sleepcast.cli.streams import pieces
 from sleepcast.core.errors import MisuseError, and_more
+from sleepcast.core.neighbours import ALONE
 from sleepcast.language import (
     Checked,
     CheckError,
@@ -42,7 +43,7 @@ class StandardMemory:
     """One mind whose only variables are the support ones and those that are made. explain: say how values came."""
 
     def __init__(self, *, seed: int = 0, explain: bool = False) -> None:
-        self.node = Node(NAME, Vocabulary(NAME), seed=seed)
+        self.node = Node(NAME, Vocabulary(NAME, functions=(ALONE,)), seed=seed)
         self._explain = explain
 
     def set(self, name: str, value: str) -> None:

@@ -176,6 +176,7 @@ def _crew(stack: ExitStack, air: AirOptions, wanted: SwarmOptions, store: Store 
     machine = choose("numpy", 1) if len(wanted.names) <= FEW else None
     # Others elsewhere begin in other places.
     simulator = Simulator(scenario, key(seed, "crew", first) >> 1, machine, threads=1)
+    simulator.bodies.first_id = first
     vocabulary = vocabulary_of(simulator.model)
     multiplexer, receiver, sessions = sessions_for(air, names, complain, store)
     stack.enter_context(closing(receiver))

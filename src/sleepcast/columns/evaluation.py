@@ -15,6 +15,7 @@ from typing import Concatenate, NamedTuple, ParamSpec, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.columns.neighbours import NeighbourLists
 from sleepcast.columns.values import Column, Columns, Index, Mask, Rows
 from sleepcast.language.parts import Part
 from sleepcast.language.program import MAX_STEPS, Program
@@ -171,6 +172,17 @@ class Evaluation(ABC):
             self.answers.append(float(values[0]))
         return values
 
+    @property
+    def repeatable(self) -> bool:
+        """Whether what does nothing may be evaluated in another order, and again: nothing is recorded of it, and nobody
+        has left."""
+        return self.answers is None and self.dead is None and len(self.noted) < MAX_FAULTS
+
+    def forget_faults(self, since: int) -> None:
+        """Take back what was recorded after so many faults."""
+        del self.noted[since:]
+        self._faults = None
+
     def first_faults(self) -> dict[int, str]:
         """The first fault of each robot that had one in the last evaluation, as text."""
         texts: dict[int, str] = {}
@@ -181,6 +193,23 @@ class Evaluation(ABC):
     def is_dead(self, rows: Rows) -> bool:
         """Whether the first of these robots has left the evaluation."""
         return self.dead is not None and bool(self.dead[rows.robots[0]])
+
+    def near(self, part: Part, rows: Rows, *arguments: Column) -> NeighbourLists:
+        """The neighbours that an `over` or `each` part goes through; of robots that have left the evaluation, and where
+        an argument is unknown, they are not known."""
+        known = np.ones(rows.size, np.bool_) if self.dead is None else ~self.dead[rows.index]
+        alive = bool(known[:1].all())
+        for argument in arguments:
+            known &= ~np.isnan(argument)
+        if known.all():
+            near = self.sensed(part, rows, *arguments)
+        elif known.any():
+            near = self.sensed(part, rows.take(known), *(each[known] for each in arguments)).spread(known)
+        else:
+            near = NeighbourLists(np.zeros(rows.size + 1, np.intp), np.empty(0), known)
+        if self.answers is not None and alive and rows.size:
+            self.answers.append(near.of(0))
+        return near
 
     # ---- what a program touches: `language.evaluate.Memory` for many robots; each method gives a column
 
@@ -207,6 +236,10 @@ class Evaluation(ABC):
     @abstractmethod
     def host(self, part: Part, rows: Rows, *arguments: Column) -> Column:
         """Call a function of the robots' own software."""
+
+    @abstractmethod
+    def sensed(self, part: Part, rows: Rows, *arguments: Column) -> NeighbourLists:
+        """The neighbours that these robots sense, at most as many each as the part says. arguments: all known."""
 
     @abstractmethod
     def assign(self, part: Part, rows: Rows, values: Column) -> Column:

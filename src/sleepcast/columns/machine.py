@@ -17,10 +17,11 @@ import numpy as np
 
 from sleepcast.columns import pure
 from sleepcast.columns.evaluation import Evaluation, Programs
+from sleepcast.columns.neighbours import Fold, NeighbourLists, PairRows, reduced
 from sleepcast.columns.values import Column, Index, Mask, Rows
 from sleepcast.language.evaluate import is_true, too_deep
 from sleepcast.language.numerics import normal
-from sleepcast.language.parts import Part, walk
+from sleepcast.language.parts import Part, host_of, is_acting, walk
 from sleepcast.language.program import Program
 
 _CHANGING = frozenset({"set_user", "set_local", "write", "defvar", "store", "fetch", "call", "host", "act"})
@@ -69,6 +70,7 @@ class Sweep:
         self.memory = memory
         self._width = rows.width
         self._locals: list[Column | None] = [None] * program.locals
+        self._of_pairs: dict[int, Column] = {}
         for slot, argument in enumerate(arguments):
             self.set_local(slot, rows, argument)
 
@@ -110,11 +112,20 @@ class Sweep:
             return self.memory.state.read(part.slot, rows)
         return self.value(part, rows)
 
+    def begin_pairs(self, slot: int, ids: Column) -> None:
+        """From now on, rows may be pairs of robots and neighbours. slot: of the local name that is the neighbour."""
+        self._of_pairs = {slot: ids}
+
     def local(self, slot: int, rows: Rows) -> Column:
+        if isinstance(rows, PairRows) and slot in self._of_pairs:
+            return self._of_pairs[slot][rows.places]
         column = self._locals[slot]
         return np.full(rows.size, nan) if column is None else column[rows.within].copy()
 
     def set_local(self, slot: int, rows: Rows, values: Column | float) -> None:
+        if isinstance(rows, PairRows):
+            self._of_pairs.setdefault(slot, np.full(rows.most, nan))[rows.places] = values
+            return
         column = self._locals[slot]
         if column is None:
             column = self._locals[slot] = np.full(self._width, nan)
@@ -287,6 +298,51 @@ def _dotimes(w: Sweep, part: Part, rows: Rows) -> Column:
     return np.zeros(rows.size)
 
 
+def _over(w: Sweep, part: Part, rows: Rows) -> Column:
+    *which, body = part.parts
+    near = w.memory.near(part, rows, *w.all(which, rows))
+    value = _at_once(w, part, near, rows) if is_pairwise(body) and w.memory.repeatable else None
+    if value is None:
+        fold = Fold(part.name, rows.size)
+        for some, places, ids in near.turns(rows):
+            w.set_local(part.slot, some, ids)
+            fold.take(places, ids, w.last(body.parts, some))
+        value = fold.value()
+        if fold.overflowed.any():
+            w.memory.fault(part, rows.take(fold.overflowed), "overflow")
+            value[fold.overflowed] = nan
+    if near.known is not None:
+        value[~near.known] = nan
+    return value
+
+
+def _at_once(w: Sweep, part: Part, near: NeighbourLists, rows: Rows) -> Column | None:
+    """The same for all neighbours of all robots at once; None where there is any fault: then they are gone through one
+    after the other, so that faults come in their order."""
+    before, values = len(w.memory.noted), np.empty(rows.size)
+    for start, stop in near.pieces():
+        pairs, ids = near.pairs(rows, start, stop)
+        w.begin_pairs(part.slot, ids)
+        given = w.last(part.parts[-1].parts, pairs)
+        fold = reduced(part.name, pairs.asked, ids, given, stop - start)
+        if fold is None:
+            break
+        values[start:stop] = fold
+    if fold is not None and len(w.memory.noted) == before:
+        return values
+    w.memory.forget_faults(before)
+    return None
+
+
+def _each(w: Sweep, part: Part, rows: Rows) -> Column:
+    *which, body = part.parts
+    near = w.memory.near(part, rows, *w.all(which, rows))
+    for some, _, ids in near.turns(rows):
+        w.set_local(part.slot, some, ids)
+        w.all(body.parts, some)
+    return np.zeros(rows.size) if near.known is None else np.where(near.known, 0.0, nan)
+
+
 def _set_local(w: Sweep, part: Part, rows: Rows) -> Column:
     values = w.value(part.parts[0], rows)
     w.set_local(part.slot, rows, values)
@@ -402,6 +458,8 @@ _EVALUATORS: dict[str, Callable[[Sweep, Part, Rows], Column]] = {
     "progn": lambda w, p, r: w.last(p.parts, r),
     "let": _let,
     "dotimes": _dotimes,
+    "over": _over,
+    "each": _each,
     "set_user": lambda w, p, r: w.memory.assign(p, r, w.value(p.parts[0], r)),
     "set_local": _set_local,
     "write": lambda w, p, r: w.memory.write(p, r, w.value(p.parts[0], r)),
@@ -423,10 +481,20 @@ _EVALUATORS: dict[str, Callable[[Sweep, Part, Rows], Column]] = {
 # Plain parts: numbers, variables, functions of numbers and tests; without side effects or random numbers.
 
 _PLAIN = frozenset({"const", "var", "local", "absent", "pure", "and", "or", "known"})
+_PAIRWISE = _PLAIN | {"if", "cond", "clause", "progn", "let", "in"}
 _COSTLY = frozenset({"^", "EXP", "LOG", "SIN", "COS", "TAN", "ATAN2", "BEARING", "EDGE-DIST"})
 
 Local = Callable[[int, Rows], Column]
 Faults = Callable[[Part, Rows, Index, Sequence[str]], None]
+
+
+@lru_cache(maxsize=4_096)
+def is_pairwise(part: Part) -> bool:
+    """Whether `part` can be evaluated for all neighbours of all robots at once: it does, draws and enters nothing."""
+    return all(
+        inside.op in _PAIRWISE or (inside.op == "host" and not is_acting(inside) and host_of(inside).many is not None)
+        for inside in walk(part)
+    )
 
 
 @lru_cache(maxsize=4_096)

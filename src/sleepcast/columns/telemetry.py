@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.columns.evaluation import Evaluation, Programs, by_the_living
+from sleepcast.columns.neighbours import NeighbourLists
 from sleepcast.columns.values import Column, Columns, Index, Mask, Rows
 from sleepcast.core.errors import MisuseError
 from sleepcast.language.parts import Part, acts, walk
@@ -152,6 +153,10 @@ class QuietMemory(Evaluation):
     @by_the_living
     def host(self, part: Part, rows: Rows, *arguments: Column) -> Column:
         return self.undecide(rows, asks(part.name))
+
+    def sensed(self, part: Part, rows: Rows, *arguments: Column) -> NeighbourLists:
+        self.undecide(rows, asks(part.name))
+        return NeighbourLists(np.zeros(rows.size + 1, np.intp), np.empty(0), np.zeros(rows.size, np.bool_))
 
     def defined(self, part: Part, rows: Rows) -> Mask:
         self.undecide(rows if self.dead is None else rows.take(~self.dead[rows.index]), ACTION)

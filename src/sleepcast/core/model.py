@@ -95,6 +95,24 @@ class NativeForm(Protocol):
         cannot be compiled. May take long, and may be called from any thread."""
 
 
+class NeighbourSensor(NamedTuple):
+    """How robots tell which neighbours they sense in this tick, and what of each. What they sense is noise and losses
+    included, and in the robot's own frame of reference.
+
+    call: of one robot, `call(body, most, radius, *colour)`: the ids of its neighbours within the radius (m), of this
+        colour if one is given; the nearest ones if there are more than `most`
+    many: the same for many, `many(bodies, robots, most, radii, *colours)` with an array for each argument: where the
+        neighbours of each robot begin, and after the last one of all, then the ids of all, ascending for each robot
+        and int64 as the first; None if their bodies cannot
+    fields: what robots sense of one neighbour: functions of its id, unknown for one that is not sensed, with the names
+        by which texts ask for them
+    """
+
+    call: Callable[..., Sequence[float]]
+    many: Callable[..., Any] | None
+    fields: tuple[tuple[str, HostFunction], ...]
+
+
 class BodyColumn(NamedTuple):
     """An array of a body's simulator.
 
@@ -145,6 +163,7 @@ class HostFunction:
         else; "" where it does.
     native: how native code calls it, if it only senses; None where it cannot.
     writes: all that it does, if it acts and does no more than that; its value is 1.
+    neighbours: how robots that have this function tell who is near them; None for all functions but NEAREST_ID.
     """
 
     name: str
@@ -163,6 +182,7 @@ class HostFunction:
     reads: Callable[[Sequence[float | None]], str] | None = field(default=None, compare=False)
     native: NativeForm | None = field(default=None, compare=False)
     writes: tuple[Writing, ...] = field(default=(), compare=False)
+    neighbours: NeighbourSensor | None = field(default=None, compare=False)
 
     @property
     def usage(self) -> str:

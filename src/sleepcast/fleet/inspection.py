@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.message_batch import ascending
 from sleepcast.columns.machine import evaluate
+from sleepcast.columns.neighbours import NeighbourLists
 from sleepcast.columns.telemetry import BulkTelemetry, Key, KnownSymbols
 from sleepcast.columns.values import Column, Index, Mask, Moves, Rows, ValueColumns, distinct
 from sleepcast.core.errors import SleepcastError
@@ -38,7 +39,7 @@ from sleepcast.core.records import dataclass
 from sleepcast.core.serial import Array
 from sleepcast.fleet.bodies import FleetBodies
 from sleepcast.fleet.evaluation import FleetEvaluation
-from sleepcast.fleet.memory import FleetMemory, HostResults
+from sleepcast.fleet.memory import FleetMemory, HostResult, HostResults
 from sleepcast.fleet.messages import Outbox
 from sleepcast.fleet.schema import TelemetryState
 from sleepcast.fleet.state import FleetState, Mind, MindNames, Minds
@@ -368,16 +369,17 @@ class LogEntry:
         total = 0
         for _, results in self.hosts:
             one_for_all = isinstance(results, np.ndarray) and results.strides == (0,)
-            total += 0 if one_for_all else 8 * len(results)
+            several = results.first.size + results.ids.size if isinstance(results, NeighbourLists) else len(results)
+            total += 0 if one_for_all else 8 * several
         return total
 
-    def given(self, robot: int) -> Iterator[float | str]:
+    def given(self, robot: int) -> Iterator[HostResult]:
         """The results of a robot's own functions, in order."""
         for rows, results in self.hosts:
             index = rows.index_of(robot)
             if index is not None:
-                result = results[index]
-                yield result if isinstance(result, str) else float(result)
+                result = results.of(index) or () if isinstance(results, NeighbourLists) else results[index]
+                yield result if isinstance(result, str | tuple) else float(result)
 
     def index_of(self, robot: int) -> int | None:
         """The index of a robot among those of the command; None if it is not there."""

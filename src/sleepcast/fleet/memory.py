@@ -13,8 +13,10 @@ from typing import TypeAlias
 import numpy as np
 
 from sleepcast.columns.evaluation import Programs, by_the_living
+from sleepcast.columns.neighbours import NeighbourLists
 from sleepcast.columns.values import Column, Index, Mask, Rows
-from sleepcast.core.model import HostFunction
+from sleepcast.core.model import HostFunction, NeighbourSensor
+from sleepcast.core.neighbours import listed
 from sleepcast.fleet.bodies import ManyBodies
 from sleepcast.fleet.evaluation import FleetEvaluation
 from sleepcast.fleet.messages import Outbox
@@ -22,7 +24,7 @@ from sleepcast.fleet.native.kernels import Kernels
 from sleepcast.fleet.state import FleetState, Minds, draws
 from sleepcast.language.acts import FLAGS
 from sleepcast.language.functions import MAX_HOPS
-from sleepcast.language.parts import Defining, Label, Part, Storing, Template, host_of, label_of, written
+from sleepcast.language.parts import Defining, Label, Part, Storing, Template, host_of, label_of, sensor_of, written
 from sleepcast.language.program import Program
 from sleepcast.language.reader import MAX_TEXT, Form, Number, show
 from sleepcast.language.symbols import UserVariable
@@ -49,8 +51,10 @@ Act = Callable[..., Column]
 """Implementation of one act: (memory, part, rows, *arguments) to its values."""
 
 
-HostResults: TypeAlias = tuple[Rows, Column | list[float | str]]
-"""What the robots' own functions have given: robots, and for each a number, or why it failed."""
+HostResult: TypeAlias = float | str | tuple[float, ...]
+"""What a robot's own function has given: a number, ids of neighbours, or why it failed."""
+HostResults: TypeAlias = tuple[Rows, Column | NeighbourLists | Sequence[HostResult]]
+"""What the robots' own functions have given: robots, and what each of them has."""
 
 
 class FleetMemory(FleetEvaluation):
@@ -76,7 +80,7 @@ class FleetMemory(FleetEvaluation):
         self._many = bodies if isinstance(bodies, ManyBodies) else None
         self.printed: list[tuple[Index, str, Sequence[Column]]] | None = None
         self.hosts: list[HostResults] | None = None
-        self.script: Iterator[float | str] | None = None
+        self.script: Iterator[HostResult] | None = None
         self.kernels = kernels
         self.merges = False
         """Whether the changes are those of a command that is merged with others."""
@@ -227,19 +231,14 @@ class FleetMemory(FleetEvaluation):
         unknown = np.zeros(rows.size, np.bool_)
         for argument in arguments:
             unknown |= np.isnan(argument)
-        values = np.full(rows.size, nan)
-        known = rows
+        if unknown.any() and function.acts:
+            self.state.dropped[rows.take(unknown).index] += 1
+            self.refuse(part, rows.take(unknown), unknown_asked(function))
+        if function.acts:
+            unknown = self._held_too(function, part, rows, unknown)
+        known, columns = rows, arguments
         if unknown.any():
-            known = rows.take(~unknown)
-            if function.acts:
-                self.state.dropped[rows.take(unknown).index] += 1
-                self.refuse(part, rows.take(unknown), unknown_asked(function))
-        held = np.ones(known.size, np.bool_) if self.barred else self.state.held[known.index]
-        if function.acts and held.any():
-            self.refuse(part, known.take(held), self.barred or stopped(function))
-            known = known.take(~held)
-            unknown[~unknown] = held
-        columns = [argument[~unknown] for argument in arguments]
+            known, columns = rows.take(~unknown), tuple(argument[~unknown] for argument in arguments)
         if function.acts and function.moves:
             self._note_moving(known)
         results = self._ask(function, part, known, columns)
@@ -250,8 +249,46 @@ class FleetMemory(FleetEvaluation):
                 if isinstance(why, str):
                     self.refuse(part, Rows(np.array([robot]), 1, rows.first), why)
             results = np.array([nan if isinstance(result, str) else result for result in results])
+        if known is rows:
+            return self.answer(np.array(results))
+        values = np.full(rows.size, nan)
         values[~unknown] = results
         return self.answer(values)
+
+    def _held_too(self, function: HostFunction, part: Part, rows: Rows, unknown: Mask) -> Mask:
+        """Refuse a function that acts to robots that may not act on their bodies now; gives those of the rows that do
+        not call it, for this reason or because something is `unknown`."""
+        held = ~unknown if self.barred else self.state.held[rows.index] & ~unknown
+        if held.any():
+            self.refuse(part, rows.take(held), self.barred or stopped(function))
+        return unknown | held
+
+    @property
+    def repeatable(self) -> bool:
+        return super().repeatable and self.hosts is None
+
+    def sensed(self, part: Part, rows: Rows, *arguments: Column) -> NeighbourLists:
+        """See `Evaluation.sensed`; any exception of a robot's own software becomes a fault."""
+        function, sensor = sensor_of(part)
+        most = int(part.number)
+        if self.script is not None:
+            given = [next(self.script) for _ in range(rows.size)]
+        elif self._many is not None and sensor.many is not None:
+            first, ids = sensor.many(self._many, rows.robots, most, *arguments)
+            near = NeighbourLists(first, ids.astype(np.float64))
+            if self.hosts is not None:
+                self.hosts.append((rows, near))
+            return near
+        else:
+            columns = zip(*(column.tolist() for column in arguments), strict=True)
+            asked = zip(rows.robots.tolist(), columns, strict=True)
+            given = [_near(function, sensor, self.bodies[robot], most, each) for robot, each in asked]
+        if self.hosts is not None:
+            self.hosts.append((rows, given))
+        for robot, why in zip(rows.robots.tolist(), given, strict=True):
+            if isinstance(why, str):
+                self.refuse(part, Rows(np.array([robot]), 1, rows.first), why)
+        return NeighbourLists.listed([each if isinstance(each, tuple) else None for each in given])
 
     def _ask(
         self, function: HostFunction, part: Part, rows: Rows, columns: Sequence[Column]
@@ -259,10 +296,14 @@ class FleetMemory(FleetEvaluation):
         """The result of the robots' own function on each of them: a number, NaN if it is not finite, or why it
         failed."""
         if self.script is not None:
-            return [next(self.script) for _ in range(rows.size)]
+            return [_number(next(self.script)) for _ in range(rows.size)]
         if self._many is not None and function.many is not None:
             results = function.many(self._many, rows.robots, *columns)
-            return np.broadcast_to(1.0, rows.size) if results is None else np.where(np.isfinite(results), results, nan)
+            if results is None:
+                return np.broadcast_to(1.0, rows.size)
+            finite = np.isfinite(results)
+            values: Column = results if finite.all() else np.where(finite, results, nan)
+            return values
         label = (part.data.text,) if isinstance(part.data, Label) else ()
         lists = [column.tolist() for column in columns]
         return [
@@ -286,6 +327,21 @@ class FleetMemory(FleetEvaluation):
     def store(self, part: Part, rows: Rows, values: Column) -> Column:
         """SETQQ, RULE, and SETQ of a buffer."""
         return self.answer(_store(self, part, rows, values))
+
+
+def _number(result: HostResult) -> float | str:
+    """What one of the robots' own functions has given that gives numbers."""
+    return nan if isinstance(result, tuple) else result
+
+
+def _near(
+    function: HostFunction, sensor: NeighbourSensor, body: object | None, most: int, arguments: Sequence[float]
+) -> HostResult:
+    """One robot's neighbours, or why they could not be found."""
+    try:
+        return listed(sensor, body, most, arguments)
+    except Exception as error:
+        return failed(function, error)
 
 
 def _call(function: HostFunction, body: object | None, arguments: tuple[str | float, ...]) -> float | str:

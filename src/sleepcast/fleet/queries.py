@@ -10,6 +10,7 @@ import numpy as np
 
 from sleepcast.columns.evaluation import by_the_living
 from sleepcast.columns.machine import Plain, evaluate, is_plain, no_fault, no_local
+from sleepcast.columns.neighbours import NeighbourLists
 from sleepcast.columns.telemetry import Key, KnownSymbols, QuietMemory
 from sleepcast.columns.values import CHUNK, Column, Columns, Mask, Rows, distinct
 from sleepcast.core.memory import same
@@ -17,7 +18,7 @@ from sleepcast.fleet.inspection import reads_of
 from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.messages import Outbox
 from sleepcast.fleet.state import FleetState, MindNames, Minds
-from sleepcast.language.parts import Part, host_of, walk
+from sleepcast.language.parts import ASKING, Part, host_of, walk
 from sleepcast.language.program import Program
 from sleepcast.language.reader import read
 from sleepcast.language.vocabulary import TIME_SLOT
@@ -91,7 +92,7 @@ class FleetQuery:
         for program, some, _ in self._pieces:
             numbers = distinct(self._state.mind[some.index])[0]
             read_here = reads_of(program, {self._minds[number] for number in numbers.tolist()})[0]
-            if read_here is None or any(part.op == "host" for part in walk(program.root)):
+            if read_here is None or any(part.op in ASKING for part in walk(program.root)):
                 return None
             slots |= read_here
         return same(frozenset(slots))
@@ -131,3 +132,9 @@ class AskedMemory(QuietMemory):
             return super().host(part, rows, *arguments)
         self._bodies.begin(self.top, rows)
         return self._bodies.host(part, rows, *arguments)
+
+    def sensed(self, part: Part, rows: Rows, *arguments: Column) -> NeighbourLists:
+        if self._bodies is None:
+            return super().sensed(part, rows, *arguments)
+        self._bodies.begin(self.top, rows)
+        return self._bodies.sensed(part, rows, *arguments)

@@ -117,9 +117,11 @@ class Checker:
         self.uses: set[str] = set()
         self.free: set[str] = set()
         self.scopes: list[dict[str, int]] = []
-        self.fixed_locals: set[int] = set()
+        self.fixed_locals: dict[int, str] = {}
+        """Local names that cannot be assigned, by their numbers, and what they are."""
         self.locals = 0
-        self.loops = 0
+        self.loops = self.around = 0
+        """DOTIMES, and forms that go through neighbours, that are open where the checker is."""
         self.suggestions = 0
         self.joining: set[int] = set()
         """Where the operators stand that a finding about a whole row of them is about."""
@@ -198,13 +200,13 @@ class Checker:
         return None
 
     @contextmanager
-    def scope(self, keys: list[str], *, fixed: bool = False) -> Iterator[tuple[int, ...]]:
-        """Local names while the block lasts; gives their numbers. fixed: they cannot be assigned."""
+    def scope(self, keys: list[str], fixed: str = "") -> Iterator[tuple[int, ...]]:
+        """Local names while the block lasts; gives their numbers. fixed: what they are, if they cannot be assigned."""
         numbers = tuple(range(self.locals, self.locals + len(keys)))
         self.locals += len(keys)
         self.scopes.append(dict(zip(keys, numbers, strict=True)))
         if fixed:
-            self.fixed_locals.update(numbers)
+            self.fixed_locals.update(dict.fromkeys(numbers, fixed))
         yield numbers
         self.scopes.pop()
 
@@ -418,13 +420,13 @@ class Checker:
         Gives the steps that storing them costs, having noted an error if `key` would come to use itself.
         """
         before = self.checked
-        outside = self.scopes, self.uses, self.free, self.loops
-        self.scopes, self.uses, self.free, self.loops = [], set(), set(), 0
+        outside = self.scopes, self.uses, self.free, self.loops, self.around
+        self.scopes, self.uses, self.free, self.loops, self.around = [], set(), set(), 0, 0
         with self.scope(parameters):
             tree = Part("progn", where, self.parts(body))
         self.stored_parts.append(tree)
         uses = frozenset(self.uses)
-        self.scopes, self.uses, self.free, self.loops = outside
+        self.scopes, self.uses, self.free, self.loops, self.around = outside
         self.bounded(tree, where)
         through = circle(
             key, uses, lambda k: self.pending_uses[k] if k in self.pending_uses else uses_in(self.names, k)
@@ -444,14 +446,17 @@ class Checker:
 
 
 def cost(part: Part) -> int:
-    """Steps that `part` is charged: one for each part inside it, those in a DOTIMES as often as it repeats, and for a
-    stored expression `STORE_STEPS` and one for each of its parts.
+    """Steps that `part` is charged: one for each part inside it, those in a DOTIMES as often as it repeats, those for a
+    neighbour as often as there may be neighbours, and for a stored expression `STORE_STEPS` and one for each of its
+    parts.
 
     What a buffer or an operator costs is charged where it is entered.
     """
     inside = sum(map(cost, part.parts))
     if part.op == "dotimes":
         return 1 + int(part.number) * inside
+    if part.op in ("over", "each"):
+        return 1 + sum(map(cost, part.parts[:-1])) + int(part.number) * cost(part.parts[-1])
     if isinstance(part.data, Storing | Defining):
         return 1 + inside + int(part.number)
     return inside if part.op == "clause" else 1 + inside

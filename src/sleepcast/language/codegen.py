@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from math import inf, nan, sqrt
 from typing import NamedTuple
 
-from sleepcast.language.evaluate import apply, between, enter, gauss, prob
+from sleepcast.language.evaluate import apply, between, enter, gauss, prob, reduced
 from sleepcast.language.parts import Part
 
 # ---- the emitter: lines, blocks, temporaries, and operands in their order
@@ -46,6 +46,7 @@ class Emitter(ABC):
         self.temporaries = 0
         self.space: dict[str, object] = {
             "A": apply, "B": between, "E": enter, "G": gauss, "P": prob, "N": nan, "I": inf, "sqrt": sqrt,
+            "R": reduced,
         }  # fmt: skip
 
     # ---- writing
@@ -434,6 +435,27 @@ class _Generator(Emitter):
         self.emit(self.safe(piece).code)
         self.indent = before
         return ZERO
+
+    def _over(self, part: Part) -> CodePiece:
+        near, values = self._near(part), self.temporary()
+        self.emit(f"{values}=[]")
+        before = self.block(f"for n{part.slot} in {near} or ():")
+        self.emit(f"{values}.append({self.safe(self.last(part.parts[-1].parts)).code})")
+        self.indent = before
+        return self.statement(f"R(m,{self.constant(part)},{near},{values})")
+
+    def _each(self, part: Part) -> CodePiece:
+        near = self._near(part)
+        before = self.block(f"for n{part.slot} in {near} or ():")
+        self.emit(self.safe(self.last(part.parts[-1].parts)).code)
+        self.indent = before
+        return CodePiece(f"(N if {near} is None else 0.0)", True, True)
+
+    def _near(self, part: Part) -> str:
+        """The name of the neighbours that a part goes through."""
+        near = self.temporary()
+        self.emit(f"{near}=m.near({self.constant(part)},{self.arguments(part.parts[:-1])})")
+        return near
 
     def _dice(self, part: Part) -> CodePiece:
         result, drawn, total, going = (self.temporary() for _ in range(4))

@@ -92,6 +92,10 @@ class Memory(Nesting, Protocol):
     def host(self, part: Part, *arguments: float) -> float:
         """Call the robot's own function of a `host` part."""
 
+    def near(self, part: Part, *arguments: float) -> Sequence[float] | None:
+        """The ids of the neighbours that an `over` or `each` part goes through, ascending, at most as many as it says;
+        None where that is unknown."""
+
     def act(self, part: Part, *arguments: float) -> float:
         """Carry out an `act` part."""
 
@@ -165,6 +169,31 @@ def gauss(memory: Memory, part: Part, mean: float, deviation: float) -> float:
     return value if -inf < value < inf else memory.fault(part, "overflow")
 
 
+def reduced(memory: Memory, part: Part, near: Sequence[float] | None, values: Sequence[float]) -> float:
+    """What an `over` part makes of a value for each of these neighbours: the unknown ones are left out, and the others
+    are taken in the order of their ids. Unknown if it is not known who is near."""
+    if near is None:
+        return nan
+    count = 0
+    total = best = who = 0.0
+    for neighbour, value in zip(near, values, strict=True):
+        if value != value:
+            continue
+        if not count or (value > best if part.name == "MAX-OVER" else value < best):
+            best, who = value, neighbour
+        count += value != 0.0 if part.name == "COUNT-OVER" else 1
+        total += value
+    if part.name == "COUNT-OVER":
+        return float(count)
+    if part.name == "SUM-OVER":
+        return total if -inf < total < inf else memory.fault(part, "overflow")
+    if not count:
+        return nan
+    if part.name == "MEAN-OVER":
+        return total / count if -inf < total < inf else memory.fault(part, "overflow")
+    return who if part.name == "BEST-OVER" else best
+
+
 class Comparable(Protocol[Truth]):
     """A number, or an array of them, which compare to truths."""
 
@@ -195,6 +224,9 @@ class Walker:
     def enter(self, part: Part, program: Entered | None, arguments: Sequence[float]) -> float:
         """Call a buffer, rule or operator."""
         return enter(self.memory, part, program, arguments)
+
+    def went_through(self, part: Part, near: Sequence[float] | None, values: Sequence[float] = ()) -> None:
+        """An `over` or `each` part has gone through these neighbours, whose values were these."""
 
     def all(self, parts: Sequence[Part]) -> list[float]:
         return [self.value(p) for p in parts]
@@ -281,6 +313,27 @@ def _dotimes(w: Walker, part: Part) -> float:
     return 0.0
 
 
+def _over(w: Walker, part: Part) -> float:
+    *which, body = part.parts
+    near = w.memory.near(part, *w.all(which))
+    values = []
+    for neighbour in near or ():
+        w.locals[part.slot] = neighbour
+        values.append(w.last(body.parts))
+    w.went_through(part, near, values)
+    return reduced(w.memory, part, near, values)
+
+
+def _each(w: Walker, part: Part) -> float:
+    *which, body = part.parts
+    near = w.memory.near(part, *w.all(which))
+    for neighbour in near or ():
+        w.locals[part.slot] = neighbour
+        w.all(body.parts)
+    w.went_through(part, near)
+    return nan if near is None else 0.0
+
+
 def _set_user(w: Walker, part: Part) -> float:
     value = w.value(part.parts[0])
     w.memory.values[part.slot] = value
@@ -334,6 +387,8 @@ _HOW: dict[str, Callable[[Walker, Part], float]] = {
     "progn": lambda w, p: w.last(p.parts),
     "let": _let,
     "dotimes": _dotimes,
+    "over": _over,
+    "each": _each,
     "set_user": _set_user,
     "set_local": _set_local,
     "write": lambda w, p: w.memory.write(p, w.value(p.parts[0])),

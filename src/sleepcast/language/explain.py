@@ -231,12 +231,13 @@ def _step(part: Part, tracer: Tracer, faults: Mapping[int, str], wanting: Part |
     children: list[Step] = []
     for inside in part.parts:
         # A WHEN is a COND of one clause with the same text: its pieces are shown as its own.
+        # So is what is evaluated for each neighbour.
         pieces = inside.parts if inside.op == "clause" and inside.form is part.form else (inside,)
         children += [_step(piece, tracer, faults, wanting) for piece in pieces]
     inner = tracer.inner.get(part.index)
     if inner is not None:
         children.append(_step(inner.program.root, inner, faults, None))
-    note = shortfall(part, tracer) if part is wanting else ""
+    note = shortfall(part, tracer) if part is wanting else tracer.around.get(part.index, "")
     value, form = tracer.values.get(part.index), part.form
     unit = _unit(part, value, tracer.unit)
     return Step(show(form), value, form.start, form.end, faults.get(id(part)), note, tuple(children), unit)
@@ -252,6 +253,8 @@ class Tracer(Walker):
         super().__init__(memory, program, arguments)
         self.values: dict[int, float] = {}
         self.inner: dict[int, Tracer] = {}
+        self.around: dict[int, str] = {}
+        """How many neighbours a part has gone through, in words."""
 
     @cached_property
     def unit(self) -> Callable[[Part], str]:
@@ -262,6 +265,15 @@ class Tracer(Walker):
         value = super().value(part)
         self.values[part.index] = value
         return value
+
+    def went_through(self, part: Part, near: Sequence[float] | None, values: Sequence[float] = ()) -> None:
+        if near is None:
+            return
+        unknown = sum(map(isnan, values))
+        words = f"{len(near)} neighbour{'' if len(near) == 1 else 's'}"
+        words += f", unknown of {unknown} of them" if unknown else ""
+        most = int(part.number)
+        self.around[part.index] = words + (f": the nearest {most}" if len(near) == most else "")
 
     def enter(self, part: Part, program: Entered | None, arguments: Sequence[float]) -> float:
         memory = self.memory

@@ -19,10 +19,16 @@ MANY = 100
 MAX_CORNERS = 48
 """Corners of an area: as many as the arguments of one call have room for."""
 PRIORITY = ":priority"
+NEIGHBOURS = "neighbours"
+"""What robots call the forms that go through their neighbours, when they say which forms they know."""
 MAX_PRIORITY = 9
 """Of a rule, and its negative the least. As many levels as people tell apart."""
 MAX_HOPS = 8
 """How often robots may hand on what one of them tells, at most: across a fleet and not for ever."""
+MAX_REDUCED = 256
+"""Neighbours of one SUM-OVER and the like at most: the nearest ones, so that its cost is known before it runs."""
+MAX_EACH = 64
+"""Neighbours of one FOR-NEIGHBOURS at most, whose body may do something for each of them."""
 MAX_REPEATS = 1_000
 """The literal count of a DOTIMES at most."""
 
@@ -386,10 +392,31 @@ _WORDS = (
     ),
     Function("INSIDE", 1, 1, "area", "special", "truth", "Whether this robot is in the area."),
     Function("TO-EDGE", 1, 1, "area", "special", "number", "Distance to the edge of the area; negative outside."),
+    Function("OF", 2, 2, "n name", "special", "number", "What the neighbour with the id n shows, as it is sensed."),
+    Function("SUM-OVER", 2, 2, "(n r [colour]) x", "special", "same", "Sum of x over the neighbours n within r."),
+    Function("MEAN-OVER", 2, 2, "(n r [colour]) x", "special", "same", "Mean of x over the neighbours n within r."),
+    Function("MIN-OVER", 2, 2, "(n r [colour]) x", "special", "same", "The least x of the neighbours n within r."),
+    Function("MAX-OVER", 2, 2, "(n r [colour]) x", "special", "same", "The greatest x of the neighbours n within r."),
+    Function("COUNT-OVER", 2, 2, "(n r [colour]) test", "special", "plain", "For how many of them the test is true."),
+    Function("BEST-OVER", 2, 2, "(n r [colour]) cost", "special", "plain", "The id of the one with the least cost."),
+    Function(
+        "FOR-NEIGHBOURS",
+        1,
+        MANY,
+        "(n r [colour]) expr ...",
+        "special",
+        "truth",
+        "The rest once for each neighbour n within r; gives 0.",
+    ),
 )
 
 WORDS: dict[str, Function] = {function.name.casefold(): function for function in _WORDS}
 """Built-ins whose names give way to any other meaning, because robots and programs were given such names before."""
+OVER = frozenset({"sum-over", "mean-over", "min-over", "max-over", "count-over", "best-over"})
+"""Forms that make one number of all neighbours."""
+EACH = "for-neighbours"
+ABOUT_NEIGHBOURS = OVER | {"of", EACH}
+"""Words that came together, as `NEIGHBOURS`."""
 BUILT_IN = FUNCTIONS | WORDS
 """Every built-in."""
 
@@ -460,6 +487,14 @@ EXAMPLES: dict[str, tuple[str, str]] = {
     "AREA": ("(PROGN (DEFVAR x 3) (DEFVAR y 1) (AREA yard 0m 0m 9m 0m 9m 4m 0m 4m) (TO-EDGE yard))", "1"),
     "INSIDE": ("(PROGN (DEFVAR x 3) (DEFVAR y 4) (AREA pond 0m 0m 7m) (INSIDE pond))", "1"),
     "TO-EDGE": ("(PROGN (DEFVAR x 3) (DEFVAR y 4) (AREA pond 0m 0m 7m) (TO-EDGE pond))", "2"),
+    "OF": ("(OF (NEAREST_ID 3m) distance)", "UNKNOWN"),
+    "SUM-OVER": ("(SUM-OVER (n 3m) (OF n distance))", "0"),
+    "MEAN-OVER": ("(MEAN-OVER (n 3m) (OF n x))", "UNKNOWN"),
+    "MIN-OVER": ("(MIN-OVER (n 3m) (OF n distance))", "UNKNOWN"),
+    "MAX-OVER": ("(MAX-OVER (n 3m) (OF n distance))", "UNKNOWN"),
+    "COUNT-OVER": ("(COUNT-OVER (n 3m) (> (OF n distance) 1m))", "0"),
+    "BEST-OVER": ("(BEST-OVER (n 3m) (OF n distance))", "UNKNOWN"),
+    "FOR-NEIGHBOURS": ("(LET ((near 0)) (FOR-NEIGHBOURS (n 3m) (SETQ near (+ near 1))) near)", "0"),
     "DEFUN": ("(PROGN (DEFUN half (a) (/ a 2)) (half 10))", "5"),
     "JOIN": ("(PROGN (JOIN bravo) (IN bravo))", "1"),
     "LEAVE": ("(PROGN (JOIN bravo) (LEAVE bravo) (IN bravo))", "0"),

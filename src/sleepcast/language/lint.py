@@ -174,6 +174,8 @@ class _Advice:
             return LENGTH if isinstance(part.form, List) and part.form.head == "to-edge" else None
         if part.op in ("random", "gauss"):
             return self._same(part, inside)
+        if part.op in ("over", "each"):
+            return self._around(part, inside)
         if part.op == "write" and isinstance(part.data, Variable):
             wanted = dimension_of(part.data.quantity.unit)
             if inside[0] is not None and inside[0] != wanted:
@@ -185,7 +187,7 @@ class _Advice:
             branches = zip(inside[1:], part.parts[1:], strict=True)
             dimensions = {dimension for dimension, each in branches if dimension is not None or each.op != "const"}
             return dimensions.pop() if len(dimensions) == 1 else None
-        if part.op in ("set_user", "set_local", "progn", "let"):
+        if part.op in ("set_user", "set_local", "progn", "let", "clause"):
             return inside[-1] if inside else None
         return None
 
@@ -255,6 +257,14 @@ class _Advice:
             if wanted is not None and given is not None and given != wanted:
                 self.warn(f"{self.brief(operand.form)} @@ is {given}, but {function.name} wants {wanted}", operand.form)
         return function.result
+
+    def _around(self, part: Part, inside: list[Dimension | None]) -> Dimension | None:
+        """Of what goes through neighbours: the dimension of what is made of them, if it is not a number of its own."""
+        radius = inside[0]
+        if radius not in (None, LENGTH):
+            where = self.brief(part.parts[0].form)
+            self.warn(f"{where} @@ is {radius}, but the radius of {part.name} is {LENGTH}", part.parts[0].form)
+        return inside[-1] if part.op == "over" and part.name not in ("COUNT-OVER", "BEST-OVER") else NONE
 
     # ---- declared ranges
 
@@ -379,6 +389,10 @@ def _about(part: Part, text: str, dimension: Callable[[Part], Dimension | None])
             yield from _lost(part.parts[int(part.number) : -1], text)
         case "dotimes":
             yield from _lost(part.parts, text)
+        case "each":
+            yield from _lost(part.parts[-1].parts, text)
+        case "over" if part.name == "COUNT-OVER":
+            yield from _test(part.parts[-1].parts[0], text, dimension)
         case "pure" if part.name in ("=", "EQ", "/="):
             yield from _exactly(part, text)
         case "prob":

@@ -13,6 +13,9 @@ explainer shows it. What a part means is said by its `op`:
     fetch       a buffer or rule, evaluated deeply   call      an operator made by DEFUN
     host        a function of the robot              missing   a function that this robot does not have
     in          group membership          prob dice random gauss
+    over        a number from all neighbours, named by `name`: the arguments that say which, then a `clause`, evaluated
+                for each, whose id is the local name `slot`; number: of neighbours at most
+    each        FOR-NEIGHBOURS, likewise
     act         everything else that changes the robot's mind or speaks, named by `name`
 """
 
@@ -20,7 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from sleepcast.core.model import HostFunction
+from sleepcast.core.model import HostFunction, NeighbourSensor
 from sleepcast.language.acts import ACTS
 from sleepcast.language.functions import MAX_PRIORITY, PRIORITY, Function
 from sleepcast.language.reader import Form, List, Number, Symbol, format_literal, replaced, show
@@ -28,6 +31,8 @@ from sleepcast.language.reader import walk as walk_forms
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, Variable
 
 ACTING = frozenset({"set_user", "write", "defvar", "store", "act"})
+ASKING = frozenset({"host", "over", "each"})
+"""Parts that ask the robot's own software."""
 PRIORITIES = range(-MAX_PRIORITY, MAX_PRIORITY + 1)
 ONLY_PRIORITY = f"what follows it can only be {PRIORITY} and a whole number from -{MAX_PRIORITY} to {MAX_PRIORITY}"
 CHANCY = frozenset({"prob", "dice", "random", "gauss"})
@@ -193,6 +198,14 @@ def host_of(part: Part) -> HostFunction:
     if not isinstance(function, HostFunction):
         raise TypeError(f"a part of op {part.op} has no host function")
     return function
+
+
+def sensor_of(part: Part) -> tuple[HostFunction, NeighbourSensor]:
+    """The robot's own function with which an `over` or `each` part finds its neighbours, and how that lists them."""
+    function = part.data
+    if not isinstance(function, HostFunction) or function.neighbours is None:
+        raise TypeError(f"a part of op {part.op} goes through no neighbours")
+    return function, function.neighbours
 
 
 def label_of(part: Part) -> str:

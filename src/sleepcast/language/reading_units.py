@@ -99,8 +99,10 @@ class _Made:
         """The unit, "" for what has none of its own; None for a bare number and for unknown, which take any."""
         if isinstance(part.data, Variable) and part.op in ("var", "linked", "write"):
             return part.data.quantity.shown_unit
+        if part.op == "over":
+            return self.unit(part.parts[-1]) if part.name not in ("COUNT-OVER", "BEST-OVER") else ""
         if isinstance(part.data, HostFunction):
-            return part.data.unit
+            return part.data.unit if part.op == "host" else ""
         if part.op == "const":
             return self._literal(part)
         if part.op in LAST:

@@ -23,7 +23,7 @@ class NotedFault(NamedTuple):
     reason: str
 
 
-Answer = float | bool | Entered | NotedFault | None
+Answer = float | bool | Entered | NotedFault | tuple[float, ...] | None
 
 
 class Rehearsal:
@@ -97,6 +97,9 @@ class Rehearsal:
     def host(self, part: Part, *arguments: float) -> float:
         return nan
 
+    def near(self, part: Part, *arguments: float) -> Sequence[float] | None:
+        return None
+
     def act(self, part: Part, *arguments: float) -> float:
         apply_flags(self, part)
         return arguments[-1] if part.name == "report" and arguments else 1.0
@@ -109,7 +112,7 @@ class Replay(Rehearsal):
         super().__init__(values, groups)
         self._answers = iter(answers)
 
-    def _next(self) -> float | bool | Entered | None:
+    def _next(self) -> float | bool | Entered | tuple[float, ...] | None:
         answer = next(self._answers)
         while isinstance(answer, NotedFault):
             self.fault(answer.part, answer.reason)
@@ -122,7 +125,7 @@ class Replay(Rehearsal):
 
     def _program(self) -> Entered | None:
         answer = self._next()
-        return None if answer is None or isinstance(answer, float | bool) else answer
+        return None if answer is None or isinstance(answer, float | bool | tuple) else answer
 
     def draw(self) -> float:
         return self._number()
@@ -162,6 +165,10 @@ class Replay(Rehearsal):
 
     def host(self, part: Part, *arguments: float) -> float:
         return self._number()
+
+    def near(self, part: Part, *arguments: float) -> Sequence[float] | None:
+        answer = self._next()
+        return answer if isinstance(answer, tuple) else None
 
     def act(self, part: Part, *arguments: float) -> float:
         answer = self._number()

@@ -9,12 +9,33 @@ import re
 from collections.abc import Callable
 from math import nan
 
-from sleepcast.core.errors import decimal_comma, with_article
+from sleepcast.core.errors import decimal_comma, did_you_mean, with_article
 from sleepcast.core.model import Constant, HostFunction
 from sleepcast.language import areas
 from sleepcast.language.checker import STORE_STEPS, Checker, Special
-from sleepcast.language.functions import FUNCTIONS, MAX_HOPS, MAX_REPEATS, PRIORITY
-from sleepcast.language.parts import ONLY_PRIORITY, Defining, Label, Part, Storing, Template, rank_of, ranked
+from sleepcast.language.functions import (
+    EACH,
+    FUNCTIONS,
+    MAX_EACH,
+    MAX_HOPS,
+    MAX_REDUCED,
+    MAX_REPEATS,
+    NEIGHBOURS,
+    OVER,
+    PRIORITY,
+)
+from sleepcast.language.parts import (
+    ONLY_PRIORITY,
+    Defining,
+    Label,
+    Part,
+    Storing,
+    Template,
+    is_acting,
+    rank_of,
+    ranked,
+    walk,
+)
 from sleepcast.language.reader import (
     MAX_NESTING,
     MAX_TEXT,
@@ -34,6 +55,8 @@ from sleepcast.language.vocabulary import Variable, VariableKind, buffer_number,
 
 MAX_LOOPS = 4
 """DOTIMES inside DOTIMES at most."""
+MAX_AROUND = 2
+"""Forms that go through neighbours inside one another at most: each pair of them is what one may ask for."""
 
 SPECIAL: dict[str, Special] = {}
 
@@ -128,10 +151,80 @@ def _dotimes(checker: Checker, form: List) -> Part:
         return checker.error(f"DOTIMES @@ stands inside {MAX_LOOPS} others: at most {MAX_LOOPS} nest", form)
     checker.may_be_local(name)  # type: ignore[arg-type]
     checker.loops += 1
-    with checker.scope([name.key], fixed=True) as (number,):  # type: ignore[attr-defined]
+    with checker.scope([name.key], f"the counter {name.text} @@ of a DOTIMES") as (number,):  # type: ignore[attr-defined]
         body = checker.parts(form.items[2:])
     checker.loops -= 1
     return Part("dotimes", form, body, slot=number, number=count.value)
+
+
+# ---- neighbours
+
+
+@_special(*OVER)
+def _over(checker: Checker, form: List) -> Part:
+    part = _around(checker, form, "over", MAX_REDUCED)
+    deed = next(filter(is_acting, walk(part)), None)
+    if deed is not None:
+        name = (form.head or "").upper()
+        return checker.error(
+            f"what {name} evaluates @@ must only look: {EACH.upper()} does something for each", deed.form
+        )
+    return part
+
+
+@_special(EACH)
+def _each(checker: Checker, form: List) -> Part:
+    return _around(checker, form, "each", MAX_EACH)
+
+
+def _around(checker: Checker, form: List, op: str, most: int) -> Part:
+    """A form that goes through the neighbours in a radius, perhaps of a colour."""
+    head, name = form.items[1], (form.head or "").upper()
+    if not (isinstance(head, List) and 2 <= len(head.items) <= 3 and isinstance(head.items[0], Symbol)):
+        wanted = "wanted (name radius) or (name radius colour)"
+        return checker.error(f"{name} @@ begins with the name of a neighbour and a radius: {wanted}", head)
+    if checker.around >= MAX_AROUND:
+        return checker.error(f"{name} @@ stands inside {MAX_AROUND} that go through neighbours: no more nest", form)
+    target = head.items[0]
+    checker.may_be_local(target)
+    which = checker.parts(head.items[1:])
+    checker.around += 1
+    with checker.scope([target.key], f"{target.text} @@ is a neighbour: it") as (number,):
+        body = Part("clause", form, checker.parts(form.items[2:]))
+    checker.around -= 1
+    sensor = _sensor(checker, form)
+    if sensor is None:
+        return Part("missing", form, name=name)
+    return Part(op, form, (*which, body), slot=number, name=name, number=float(most), data=sensor)
+
+
+@_special("of")
+def _of(checker: Checker, form: List) -> Part:
+    neighbour, field = checker.part(form.items[1]), form.items[2]
+    if not isinstance(field, Symbol):
+        checker.part(field)
+        return checker.error("OF @@ wants a neighbour and the name of what it shows: (OF n x)", field)
+    sensor = _sensor(checker, form)
+    if sensor is None or sensor.neighbours is None:
+        return Part("missing", form, name="OF")
+    fields = {name.casefold(): function for name, function in sensor.neighbours.fields}
+    function = fields.get(field.key)
+    if function is None:
+        shown = [name for name, _ in sensor.neighbours.fields]
+        listed = did_you_mean(field.text, shown) or f": they show {', '.join(shown)}"
+        checker.warn(f'neighbours show no "{field.text}" @@{listed}', field, field.text)
+        return Part("absent", form, name=f"of {field.key}")
+    return Part("host", form, (neighbour,), slot=-1, name=f"of {field.key}", data=function)
+
+
+def _sensor(checker: Checker, form: List) -> HostFunction | None:
+    """What tells robots who is near them; None, and a warning, for robots that know nothing of neighbours."""
+    vocabulary = checker.names.vocabulary
+    sensor = vocabulary.neighbours if NEIGHBOURS in vocabulary.forms else None
+    if sensor is None:
+        name = (form.head or "").upper()
+        checker.warn(f"{name} @@ is a fault on these robots, which tell no neighbours apart", form.items[0], name)
+    return sensor
 
 
 # ---- assignment
@@ -146,7 +239,7 @@ def _setq(checker: Checker, form: List) -> Part:
     number = checker.local(target.key)
     if number is not None:
         if number in checker.fixed_locals:
-            return checker.error(f"the counter {target.text} @@ of a DOTIMES cannot be assigned", target)
+            return checker.error(f"{checker.fixed_locals[number]} cannot be assigned", target)
         return Part("set_local", form, (checker.part(value),), slot=number, name=target.key)
     if buffer_number(target.key) is not None:
         if isinstance(value, List) and value.head == QUOTE and len(value.items) == 2:

@@ -19,7 +19,7 @@ from sleepcast.core.errors import MisuseError
 from sleepcast.core.model import Constant, HostFunction, NamedArea, Quantity
 from sleepcast.core.records import dataclass
 from sleepcast.core.units import NONE
-from sleepcast.language.functions import BUILT_IN, FUNCTIONS, PRIORITY
+from sleepcast.language.functions import BUILT_IN, FUNCTIONS, NEIGHBOURS, PRIORITY
 
 BUFFERS = 64
 """Buffers E0 (the message) to E63."""
@@ -31,8 +31,9 @@ MAX_OPERATORS = 64
 """Operators made by DEFUN, on one robot."""
 MAX_GROUPS = 64
 """Groups that one robot may know."""
-NEW_FORMS = frozenset({PRIORITY})
-"""Parts of forms that came after 0.2.0: robots that know them say so, and others refuse what has them."""
+NEW_FORMS = frozenset({PRIORITY, NEIGHBOURS})
+"""Forms, and parts of forms, that came after 0.2.0: robots that know them say so, and others refuse what has them, or
+take it for something else."""
 
 
 class VariableKind(Enum):
@@ -146,6 +147,12 @@ class Vocabulary:
         for area in self.areas:
             self._refuse_clash(area.name, "area")
         self._names = (*(each.name for each in self.bindings.values()), *(each.name for each in BUILT_IN.values()))
+
+    @property
+    def neighbours(self) -> HostFunction | None:
+        """The function of robots that tell their neighbours; None for others."""
+        functions = (each for each in self.bindings.values() if isinstance(each, HostFunction))
+        return next((each for each in functions if each.neighbours is not None), None)
 
     @property
     def first_sensor(self) -> int:

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from hashlib import sha256
 from math import inf, isfinite, isnan, nan
 from struct import pack
@@ -25,7 +26,8 @@ from weakref import WeakKeyDictionary
 import msgspec
 
 from sleepcast.channel.message import MAX_TEXT
-from sleepcast.core.model import Constant, HostFunction, Quantity, RestState
+from sleepcast.core.model import Constant, HostFunction, NeighbourSensor, Quantity, RestState
+from sleepcast.core.neighbours import NEAREST_ID, field_named
 from sleepcast.core.serial import UNREADABLE
 from sleepcast.core.units import UNITS, Dimension
 from sleepcast.language.explain import Explanation, Step
@@ -156,7 +158,8 @@ class FunctionRecord(msgspec.Struct, array_like=True):
 
 
 class VocabularyRecord(msgspec.Struct, omit_defaults=True):
-    """See `Vocabulary`. forms: parts of forms that robots of 0.2.0 do not have, and that these robots know."""
+    """See `Vocabulary`. forms: forms and parts of forms that robots of 0.2.0 do not have, and that these robots know.
+    neighbours: what their neighbours show, by name, each with its unit."""
 
     name: Words
     sensors: Annotated[list[QuantityRecord], msgspec.Meta(max_length=MAX_NAMES)]
@@ -164,6 +167,7 @@ class VocabularyRecord(msgspec.Struct, omit_defaults=True):
     constants: Annotated[list[ConstantRecord], msgspec.Meta(max_length=MAX_NAMES)]
     functions: Annotated[list[FunctionRecord], msgspec.Meta(max_length=MAX_NAMES)]
     forms: Annotated[list[Name], msgspec.Meta(max_length=MAX_NAMES)] = []
+    neighbours: Annotated[list[tuple[Name, str]], msgspec.Meta(max_length=MAX_NAMES)] = []
 
     @classmethod
     def of(cls, vocabulary: Vocabulary, doc: int) -> VocabularyRecord:
@@ -174,6 +178,7 @@ class VocabularyRecord(msgspec.Struct, omit_defaults=True):
             [ConstantRecord.of(each, doc) for each in vocabulary.constants],
             [FunctionRecord.of(each, doc) for each in vocabulary.functions],
             sorted(vocabulary.forms),
+            _shown(vocabulary),
         )
 
     def made(self) -> Vocabulary:
@@ -183,9 +188,25 @@ class VocabularyRecord(msgspec.Struct, omit_defaults=True):
             tuple(each.made() for each in self.sensors),
             tuple(each.made() for each in self.actuators),
             constants=tuple(each.made() for each in self.constants),
-            functions=tuple(each.made() for each in self.functions),
+            functions=tuple(self._with_neighbours(each.made()) for each in self.functions),
             forms=frozenset(self.forms),
         )
+
+    def _with_neighbours(self, function: HostFunction) -> HostFunction:
+        """The same function, with what neighbours show if it is the one that finds them."""
+        if function.name != NEAREST_ID or not self.neighbours:
+            return function
+        for name, unit in self.neighbours:
+            if not is_name(name) or unit not in {*UNITS, ""}:
+                raise TelemetryError(f"neighbours that show {name!r} in {unit[:20]!r}")
+        fields = tuple(field_named(name, unit, "", _far_away, None) for name, unit in self.neighbours)
+        return replace(function, neighbours=NeighbourSensor(_nobody, None, fields))
+
+
+def _shown(vocabulary: Vocabulary) -> list[tuple[str, str]]:
+    """What neighbours show to robots of a vocabulary, each with its unit."""
+    sensor = None if vocabulary.neighbours is None else vocabulary.neighbours.neighbours
+    return [] if sensor is None else [(name, function.unit) for name, function in sensor.fields]
 
 
 class MindRecord(msgspec.Struct, omit_defaults=True):
@@ -465,6 +486,10 @@ def _dimension(exponents: Exponents | None) -> Dimension | None:
 
 def _value(sent: float | str | None) -> float:
     return float(sent) if isinstance(sent, float | int) else nan
+
+
+def _nobody(body: object, most: int, *arguments: float) -> Sequence[float]:
+    raise TypeError("neighbours are what a robot senses, and the robot is far away")
 
 
 def _far_away(body: object, *arguments: float) -> float:

@@ -11,11 +11,12 @@ from math import inf, nan
 from weakref import WeakKeyDictionary
 
 from sleepcast.core.errors import SleepcastError
+from sleepcast.core.neighbours import listed
 from sleepcast.core.records import dataclass
 from sleepcast.language.acts import FLAGS
 from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.numerics import draw, stream
-from sleepcast.language.parts import Defining, Label, Part, Storing, Template, host_of, label_of, written
+from sleepcast.language.parts import Defining, Label, Part, Storing, Template, host_of, label_of, sensor_of, written
 from sleepcast.language.program import Library, Program
 from sleepcast.language.reader import MAX_TEXT, Form, Number, show
 from sleepcast.language.rehearsal import Answer, NotedFault, Rehearsal
@@ -253,6 +254,18 @@ class RobotMemory:
         except Exception as error:
             return self._answer(self.refuse(part, failed(function, error)))
         return self._answer(value if -inf < value < inf else nan)
+
+    def near(self, part: Part, *arguments: float) -> tuple[float, ...] | None:
+        """See `Memory.near`. Any exception becomes a fault, as of `host`."""
+        near, (function, sensor) = None, sensor_of(part)
+        if not any(argument != argument for argument in arguments):
+            try:
+                near = listed(sensor, self.body, int(part.number), arguments)
+            except Exception as error:
+                self.refuse(part, failed(function, error))
+        if self.answers is not None:
+            self.answers.append(near)
+        return near
 
     # ---- storing
 

@@ -38,6 +38,9 @@ def cores() -> int:
     return min(usable, MAX_THREADS)
 
 
+FROM_PAIRS = "NumPy finds what robots sense of their neighbours from pairs"
+
+
 class Machine(Protocol):
     """An array backend; the functions of the same names in `grid`, `cones`, `steps` and `noise` say what each method
     does."""
@@ -68,6 +71,13 @@ class Machine(Protocol):
         self, vicinity: Vicinity, formula: Formula, robots: Whole, radius: Floats, colour: Floats, /
     ) -> Floats:
         """What a formula comes to for each of these robots; see `range_and_bearing`."""
+
+    def near_lists(self, vicinity: Vicinity, robots: Whole, radius: Floats, colour: Floats, /) -> tuple[Whole, Whole]:
+        """How many neighbours each of these robots senses, as for `neighbours`, and all of them, in no order: the
+        number of the robot in the upper half of 64 bits, and below it that of the neighbour."""
+
+    def shown(self, near: int, quantity: int, row: int, robots: Whole, others: Floats, reach: float, /) -> Floats:
+        """A quantity of one other robot for each robot: see `kernels_neighbours.show_many`."""
 
     def in_sight(self, listed: CellLists, solids: Floats, /) -> Seen:
         """These rows of `solids` in the form that `ranges` and `hear` expect."""
@@ -129,7 +139,13 @@ class NumPyMachine:
     tell = staticmethod(noise.tell)
 
     def neighbours(self, vicinity: Vicinity, formula: Formula, robots: Whole, radius: Floats, colour: Floats) -> Floats:
-        raise NotImplementedError("NumPy finds what robots sense of their neighbours from pairs")
+        raise NotImplementedError(FROM_PAIRS)
+
+    def near_lists(self, vicinity: Vicinity, robots: Whole, radius: Floats, colour: Floats) -> tuple[Whole, Whole]:
+        raise NotImplementedError(FROM_PAIRS)
+
+    def shown(self, near: int, quantity: int, row: int, robots: Whole, others: Floats, reach: float) -> Floats:
+        raise NotImplementedError(FROM_PAIRS)
 
     def forget(self) -> None:
         """Nothing: it keeps nothing."""

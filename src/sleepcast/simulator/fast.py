@@ -168,6 +168,19 @@ class NumbaMachine:
         self._share(len(robots), work, CROWDED)
         return found
 
+    def near_lists(self, vicinity: Vicinity, robots: Whole, radius: Floats, colour: Floats) -> tuple[Whole, Whole]:
+        counts = np.empty(len(robots), np.int64)
+        kernels_neighbours.prepare_one(vicinity.address)
+        kernels_neighbours.count_many(vicinity.address, robots, radius, colour, counts)
+        listed = np.empty(int(counts.sum()), np.int64)
+        kernels_neighbours.list_many(vicinity.address, robots, radius, colour, counts, listed.ctypes.data)
+        return counts, listed
+
+    def shown(self, near: int, quantity: int, row: int, robots: Whole, others: Floats, reach: float) -> Floats:
+        found = np.empty(len(robots))
+        kernels_neighbours.show_many(near, quantity, row, robots, others, reach, found)
+        return found
+
     def in_sight(self, listed: CellLists, solids: Floats) -> Walls:
         return walls_of(listed, solids)
 

@@ -10,7 +10,7 @@ is checked again in those of the robots that it is for and that are there; for a
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from copy import copy
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ from sleepcast.channel.message_batch import natural_order
 from sleepcast.core.errors import listed, printable
 from sleepcast.core.model import Constant, HostFunction
 from sleepcast.language import Checked, check
-from sleepcast.language.functions import FUNCTIONS, MANY
+from sleepcast.language.functions import ABOUT_NEIGHBOURS, FUNCTIONS, MANY, NEIGHBOURS
 from sleepcast.language.reader import List, Symbol, read, walk
 from sleepcast.language.symbols import Declared
 from sleepcast.language.vocabulary import NEW_FORMS, Binding, Variable, Vocabulary
@@ -101,19 +101,34 @@ def check_for(whole: Checked, minds: RemoteMinds, robots: Sequence[str], *, anyw
 
 
 def doubt_forms(checked: Checked, minds: RemoteMinds, robots: Sequence[str]) -> None:
-    """Doubt a text with a new part of a form (`NEW_FORMS`) that some of these robots do not say they know."""
-    calls = [form for form in walk(read(checked.text)) if isinstance(form, List) and form.head in FUNCTIONS]
-    behind = [item for call in calls for item in call.items[2:]]
-    for form in (item for item in behind if isinstance(item, Symbol) and item.key in NEW_FORMS):
+    """Doubt a text with a new form, or a new part of one (`NEW_FORMS`), that some of these robots do not say they
+    know."""
+    for form, known_as in _new_forms(checked, minds):
         types: dict[bytes, list[str]] = {}
         for name in sorted(robots, key=natural_order):
             kind = minds.type_of(name)
-            if kind in minds.types and form.key not in minds.types[kind].forms:
+            if kind in minds.types and known_as not in minds.types[kind].forms:
                 types.setdefault(kind, []).append(name)
         if types:
             whose = " and ".join(_named(minds.types[kind], names) for kind, names in types.items())
             message = f"{form.text} @@ is not known to {whose}, which would refuse this"
             checked.found.note("warning", message, form.start, form.end, confirm=True)
+
+
+def _new_forms(checked: Checked, minds: RemoteMinds) -> Iterator[tuple[Symbol, str]]:
+    """What a text has of new forms, each with the name under which robots say that they know it."""
+    own = {name.casefold() for name in minds.heard()}
+    around = False
+    for form in walk(read(checked.text)):
+        if not isinstance(form, List) or form.head is None:
+            continue
+        head = form.items[0]
+        if form.head in ABOUT_NEIGHBOURS and form.head not in own and not around and isinstance(head, Symbol):
+            around = True
+            yield head, NEIGHBOURS
+        for item in form.items[2:] if form.head in FUNCTIONS else ():
+            if isinstance(item, Symbol) and item.key in NEW_FORMS:
+                yield item, item.key
 
 
 def _informed(checked: Checked, whole: Checked, minds: RemoteMinds, present: set[str]) -> Checked:

@@ -25,6 +25,7 @@ _EVERYWHERE = frozenset(
     {"const", "var", "local", "absent", "and", "or", "known", "cond", "clause", "if", "progn", "let"}
 )
 _NATIVE = _EVERYWHERE | {"dotimes", "set_user", "set_local", "in", "prob", "dice", "random", "gauss", "pure"}
+_REPEATED = frozenset({"dotimes", "over", "each"})
 _ONE_WAY = frozenset({"and", "or", "if", "cond", "clause", "dice"})
 """Parts of which only the first is always evaluated."""
 
@@ -139,7 +140,7 @@ class Size:
         self.parts += 1
         native = is_native(part, self._names, depth, levels, self._calls)
         self.hopeless |= always and not native
-        repeated = times * int(part.number) if part.op == "dotimes" else times
+        repeated = times * int(part.number) if part.op in _REPEATED else times
         if repeated:
             for index, inside in enumerate(part.parts):
                 self._look(inside, repeated, always and not (part.op in _ONE_WAY and index), depth, levels)

@@ -133,6 +133,8 @@ class Bodies:
         self.sensed: Floats = filled(np.nan, np.float64, all_, self.count)
         self.known: Floats = filled(np.nan, np.float64, own, self.count) if scenario.noise else self.sensed[:own]
         self.numbers = count_up(self.count, np.uint64)
+        self.first_id = 1
+        """What the first robot knows as its `id`; those of the others follow."""
         self.chance = mix(self.numbers * np.uint64(GOLDEN) + np.uint64(key(seed, "bodies")))
         """A key for each robot, uint64."""
         self.encoder_x: Floats = self.known[0]

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from sleepcast.core.angles import CANCELLED
 from sleepcast.core.counter_rng import GOLDEN, key, mix, uniform
 from sleepcast.core.model import BodyColumn, HostFunction, NativeCall, Writing
-from sleepcast.core.records import dataclass
+from sleepcast.core.neighbours import SHOWN, nearest_id
 from sleepcast.core.units import LENGTH, NONE, UNITS, Dimension, is_angle
-from sleepcast.simulator.bodies.bodies import TURN, Bodies, Flags, Floats
+from sleepcast.simulator.bodies.bodies import Bodies, Flags, Floats
 from sleepcast.simulator.bodies.body import Body, BodySenses, acting
 from sleepcast.simulator.bodies.voronoi import centroids
 from sleepcast.simulator.neighbours.neighbourhood import (
@@ -31,6 +31,7 @@ from sleepcast.simulator.neighbours.neighbourhood import (
     ANGLE,
     AS_IT_IS,
     AWAY,
+    BEARING,
     DIRECTION,
     DX,
     DY,
@@ -54,9 +55,10 @@ from sleepcast.simulator.neighbours.neighbourhood import (
     cells_of,
     question,
 )
+from sleepcast.simulator.neighbours.pairs import Pairs, in_order
 from sleepcast.simulator.scenario.signals import NeighbourModel
 from sleepcast.simulator.simd.addresses import addresses
-from sleepcast.simulator.simd.formulas import arc_tangent, rotated, sine_cosine, wrap
+from sleepcast.simulator.simd.formulas import arc_tangent, rotated, shortest, sine_cosine, wrap
 from sleepcast.simulator.sonar.noise import deviates
 from sleepcast.simulator.world.grid import Grid, Sorted, Whole
 from sleepcast.simulator.world.torus import Images
@@ -65,100 +67,6 @@ MAX_PAIRS = 1 << 20
 """Pairs of neighbours processed at once: some hundred megabytes."""
 COLOUR = 0
 """The row of the colours in the table of shared numbers."""
-
-
-@dataclass(frozen=True, slots=True)
-class Pairs:
-    """Robots that asked, each with what it senses of every neighbour: one entry for each pair.
-
-    asked: indices of the robots
-    robot: the index among them of the one that senses
-    other: index of its neighbour
-    dx, dy: vector to the neighbour in the robot's frame of reference, m
-    away: its length, m
-    within: the radius that each robot asked for, m
-    """
-
-    asked: Whole
-    within: Floats
-    robot: Whole
-    other: Whole
-    dx: Floats
-    dy: Floats
-    away: Floats
-
-    def count(self) -> Floats:
-        """Number of neighbours of each robot that asked; so does every method return one value for each of them."""
-        return np.bincount(self.robot, minlength=self.asked.size).astype(np.float64)
-
-    def total(self, values: Floats) -> Floats:
-        """Sum of `values`, one for each pair; 0 without neighbours."""
-        return np.bincount(self.robot, values, self.asked.size).astype(np.float64, copy=False)
-
-    def mean(self, values: Floats) -> Floats:
-        """Mean of `values`, one for each pair; NaN without neighbours."""
-        count = self.count()
-        mean: Floats = np.where(count > 0.0, self.total(values), np.nan) / np.maximum(count, 1.0)
-        return mean
-
-    def most(self, values: Floats) -> Floats:
-        """Largest of `values`, one for each pair; NaN without neighbours."""
-        greatest = np.full(self.asked.size, -np.inf)
-        np.maximum.at(greatest, self.robot, values)
-        return np.where(greatest == -np.inf, np.nan, greatest)
-
-    def least(self, values: Floats) -> Floats:
-        """Smallest of `values`, one for each pair; NaN without neighbours."""
-        return -self.most(-values)
-
-    def nearest(self, values: Floats) -> Floats:
-        """The one of `values` that belongs to the nearest neighbour; NaN without neighbours."""
-        values_of_nearest = np.full(self.asked.size, np.nan)
-        first = np.flatnonzero(self.away == self.least(self.away)[self.robot])[::-1]
-        values_of_nearest[self.robot[first]] = values[first]
-        return values_of_nearest
-
-    def outlier(self, values: Floats) -> Floats:
-        """The one of `values` that belongs to the neighbour farthest from the mean position of all; NaN without
-        neighbours."""
-        dx, dy = self.dx - self.mean(self.dx)[self.robot], self.dy - self.mean(self.dy)[self.robot]
-        away = np.sqrt(dx * dx + dy * dy)
-        return Pairs(self.asked, self.within, self.robot, self.other, dx, dy, -away).nearest(values)
-
-    def distance_of(self, rank: Floats) -> Floats:
-        """Distance of the neighbour with this rank by distance, 1 for the nearest, m; rank: one for each robot that
-        asked. Of the farthest if there are fewer neighbours; NaN without neighbours, and for a rank below 1."""
-        count = self.count()
-        distances = np.full(self.asked.size, np.nan)
-        known = np.flatnonzero((count > 0.0) & (rank >= 1.0))
-        first = np.cumsum(count) - count
-        index = (first + np.minimum(np.floor(rank), count) - 1.0)[known].astype(np.int64)
-        distances[known] = self.away[np.lexsort((self.away, self.robot))][index]
-        return distances
-
-    def widest_gap(self) -> tuple[Floats, Floats]:
-        """The widest angle that contains no neighbour, rad, and the direction of its middle, rad in -pi..pi; both NaN
-        without neighbours. Those at the robot's own place are in no direction."""
-        beside = (self.dx == 0.0) & (self.dy == 0.0)
-        if beside.any():
-            return self.where(~beside).widest_gap()
-        direction = arc_tangent(self.dy, self.dx)
-        order = np.lexsort((direction, self.robot))
-        robot, direction = self.robot[order], direction[order]
-        last = np.append(robot[1:] != robot[:-1], True)[: robot.size]
-        first = np.roll(last, 1)
-        following = np.roll(direction, -1)
-        following[last] = direction[first] + TURN
-        gap = following - direction
-        widest = Pairs(self.asked, self.within, robot, robot, gap, gap, -gap)
-        return widest.most(gap), widest.nearest(wrap(direction + gap / 2.0))
-
-    def where(self, chosen: Flags) -> Pairs:
-        """Some of the pairs."""
-        floats = (self.dx, self.dy, self.away)
-        return Pairs(
-            self.asked, self.within, self.robot[chosen], self.other[chosen], *(each[chosen] for each in floats)
-        )
 
 
 class _NeighbourQuery(NamedTuple):
@@ -196,6 +104,7 @@ class RangeAndBearing:
         self._sorted: dict[float, tuple[Grid, Sorted, Images]] = {}
         """All bodies in cells as large as the greatest radius asked for, by that radius."""
         self._recent: list[tuple[_NeighbourQuery, Pairs]] = []
+        self._listed: list[tuple[_NeighbourQuery, int, tuple[Whole, Whole]]] = []
         self._measured: tuple[Pairs, tuple[Floats, Floats]] | None = None
         """The cells that were measured last: rules ask for x and y of the same ones."""
 
@@ -215,6 +124,7 @@ class RangeAndBearing:
         self._near.step(self._bodies.tick)
         self._sorted.clear()
         self._recent.clear()
+        self._listed.clear()
         self._measured = None
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
@@ -239,13 +149,82 @@ class RangeAndBearing:
     def sense(self, asked: Formula | OverPairs, robots: Whole, radius: Floats, *colour: Floats) -> Floats:
         """What is `asked`, for each of `robots`, from its neighbours within `radius` (m) and reach. colour: of the
         neighbours that count, one for each robot; none: all count."""
-        radius = np.clip(radius, 0.0, self._reach)
-        query = _NeighbourQuery(robots, radius, colour[0] if colour else np.full(robots.size, np.nan))
+        query = self._query(robots, radius, *colour)
         if isinstance(asked, Formula) and self._bodies.machine.compiles:
             return self._compiled(asked, query)
         over = partial(_fold, asked) if isinstance(asked, Formula) else asked
         results = [over(self, each) for each in self._pairs(query)]
         return np.concatenate(results) if len(results) != 1 else results[0]
+
+    def neighbours(self, robots: Whole, most: int, radius: Floats, *colour: Floats) -> tuple[Whole, Whole]:
+        """Who is near each of `robots`, within `radius` (m) and reach: see `Pairs.listed`."""
+        query = self._query(robots, radius, *colour)
+        for before, limit, listed in self._listed:
+            if limit == most and before.same(query):
+                return listed
+        lists = []
+        if self._bodies.machine.compiles:
+            vicinity = self._near.vicinity(_reach_of(query.radius), self._bodies.tick, turning=False)
+            counts, keys = self._bodies.machine.near_lists(vicinity, *query)
+            if counts.max(initial=0) <= most:
+                lists.append(in_order(counts, keys))
+        lists = lists or [pairs.listed(most) for pairs in self._pairs(query)]
+        if len(lists) == 1:
+            self._listed = [*self._listed[1 - MAX_RECENT :], (query, most, lists[0])]
+            return lists[0]
+        counts = np.concatenate([np.diff(first) for first, _ in lists])
+        return np.append(0, np.cumsum(counts)), np.concatenate([others for _, others in lists])
+
+    def nearest(self, robots: Whole, radius: Floats, *colour: Floats) -> Floats:
+        """Number of the nearest neighbour of each of `robots`, within `radius` (m) and reach; NaN without one."""
+        found = [pairs.nearest_one() for pairs in self._pairs(self._query(robots, radius, *colour))]
+        return np.concatenate(found) if len(found) != 1 else found[0]
+
+    def shown(self, field: str, robots: Whole, others: Floats) -> Floats:
+        """What each of `robots` senses of one other robot: `field` of `core.neighbours.SHOWN`, or a number that it
+        shares. NaN where it does not sense that one."""
+        bodies = self._bodies
+        asking = np.zeros(bodies.count, np.bool_)
+        asking[robots] = True
+        bodies.sense(np.flatnonzero(asking), sonars=False)
+        row = [*SHOWN, *self._model.shares].index(field) - len(SHOWN) + 1
+        if bodies.machine.compiles:
+            near, quantity = self._near.begin(bodies.tick), _QUANTITIES.get(field, VALUE)
+            return bodies.machine.shown(near, quantity, max(row, COLOUR), robots, others, self._reach)
+        found = np.full(robots.size, np.nan)
+        there = (others >= 0.0) & (others < bodies.count) & (others == np.floor(others)) & (others != robots)
+        index = np.flatnonzero(there)
+        asked, other = robots[index], others[index].astype(np.int64)
+        around_x, around_y = bodies.scenario.around
+        dx = shortest(bodies.x[other] - bodies.x[asked], around_x)
+        dy = shortest(bodies.y[other] - bodies.y[asked], around_y)
+        query = self._query(asked, np.full(asked.size, np.inf))
+        pairs = self._sensed(query, np.arange(asked.size), other, dx, dy)
+        found[index[pairs.robot]] = self._field(field, max(row, COLOUR), pairs)
+        return found
+
+    def _field(self, field: str, row: int, pairs: Pairs) -> Floats:
+        """A field of each neighbour, one for each pair. row: where it lies, if it is shared."""
+        asked = pairs.asked[pairs.robot]
+        if field in ("x", "y"):
+            place: Floats = self._bodies.sensed[("x", "y").index(field), asked] + (
+                pairs.dx if field == "x" else pairs.dy
+            )
+            return place
+        if field == "distance":
+            return pairs.away
+        if field == "heading":
+            cosine, sine = self.headings(pairs)
+            return arc_tangent(sine, cosine)
+        if field == "bearing":
+            beside = (pairs.dx == 0.0) & (pairs.dy == 0.0)
+            return np.where(beside, np.nan, arc_tangent(pairs.dy, pairs.dx))
+        return self.seen(row, pairs.other)
+
+    def _query(self, robots: Whole, radius: Floats, *colour: Floats) -> _NeighbourQuery:
+        """What is asked for. colour: of the neighbours that count, one for each robot; none: all count."""
+        radius = np.clip(radius, 0.0, self._reach)
+        return _NeighbourQuery(robots, radius, colour[0] if colour else np.full(robots.size, np.nan))
 
     def _compiled(self, formula: Formula, query: _NeighbourQuery) -> Floats:
         """What a formula comes to, without arrays of pairs."""
@@ -266,6 +245,11 @@ class RangeAndBearing:
         asked = question(vicinity, formula, float(radius[0]))
         call = code["ask_lanes" if len(arguments) == 1 else "ask_coloured"]
         return NativeCall(call, asked.ctypes.data, code["prepare"], self._near.address, (self._near, asked))
+
+    @property
+    def first_id(self) -> int:
+        """The id of the first robot; the others follow."""
+        return self._bodies.first_id
 
     def own_frame(self, robots: Whole) -> Floats:
         """Sensed x (m), y (m) and heading (rad) of these robots, shape (3, robots)."""
@@ -329,15 +313,19 @@ class RangeAndBearing:
 
     def _block(self, query: _NeighbourQuery, reach: float) -> Pairs:
         """The pairs of one block, after losses and with noise."""
-        bodies, model = self._bodies, self._model
+        bodies = self._bodies
         index = np.empty(bodies.count, np.int64)
         index[query.robots] = np.arange(query.robots.size)
         grid, points, every = self._cells(reach)
         first, other = bodies.machine.pairs(grid, points, every.x, every.y, reach, query.robots)
         dx, dy = every.x[other] - every.x[first], every.y[other] - every.y[first]
-        other = every.whose(other)
+        return self._sensed(query, index[first], every.whose(other), dx, dy)
+
+    def _sensed(self, query: _NeighbourQuery, robot: Whole, other: Whole, dx: Floats, dy: Floats) -> Pairs:
+        """Of the given pairs those that robots sense, as they sense them. robot: the index among those that asked;
+        dx, dy: in the world's frame, m."""
+        bodies, model, first = self._bodies, self._model, query.robots[robot]
         away = np.sqrt(dx * dx + dy * dy)
-        robot = index[first]
         sensed: Flags = away <= query.radius[robot]
         if not np.isnan(query.colour).all():
             colour = query.colour[robot]
@@ -377,6 +365,9 @@ def _tokens(other: Whole, first: Whole) -> NDArray[np.uint64]:
 
 DIRECTIONS = ("MEAN_HEADING", "GAP_BEARING")
 """Functions whose values are directions."""
+
+_QUANTITIES = {"x": DX, "y": DY, "heading": HEADING, "distance": AWAY, "bearing": BEARING}
+"""Of fields that are not shared."""
 
 OverPairs = Callable[[RangeAndBearing, Pairs], Floats]
 """A number for each robot that asked, from what it senses of its neighbours."""
@@ -471,6 +462,7 @@ def neighbour_functions(model: NeighbourModel) -> Iterator[HostFunction]:
     """What expressions may call of robots that sense their neighbours in this way."""
     yield from (_sensing(*each) for each in _ASKED)
     yield _ranking()
+    yield _telling_apart(model)
     yield _sharing("COLOUR", "number", COLOUR, NONE)
     for row, share in enumerate(model.shares.items(), 1):
         yield from _of_share(row, *share)
@@ -568,4 +560,34 @@ def _ranking() -> HostFunction:
         doc="Distance of the n-th nearest neighbour within r; of the farthest, if there are fewer. With a colour: of "
         "that colour only.",
         many=many,
+    )
+
+
+def _telling_apart(model: NeighbourModel) -> HostFunction:
+    """The function of who is nearest, with all that is sensed of each neighbour by its id."""
+
+    def nearest(bodies: Any, robots: Whole, *columns: Floats) -> Floats:
+        near = _near(bodies)
+        return near.nearest(robots, *columns) + near.first_id
+
+    def lists(bodies: Any, robots: Whole, most: int, *columns: Floats) -> tuple[Whole, Whole]:
+        near = _near(bodies)
+        first, others = near.neighbours(robots, most, *columns)
+        return first, others + near.first_id
+
+    def list_one(body: Body, most: int, *arguments: float) -> list[float]:
+        columns = (np.array([each]) for each in arguments)
+        ids: list[float] = lists(body, np.array([body.number]), most, *columns)[1].tolist()
+        return ids
+
+    def shown(field: str, bodies: Any, robots: Whole, others: Floats) -> Floats:
+        near = _near(bodies)
+        return near.shown(field, robots, others - near.first_id)
+
+    def shown_by_one(field: str, body: Body, other: float) -> float:
+        return _alone(partial(shown, field), body, other)
+
+    sense = partial(_alone, nearest)
+    return nearest_id(
+        sense, list_one, shown_by_one, many=nearest, list_many=lists, field_of_many=shown, more=model.shares
     )

@@ -1,7 +1,7 @@
 """Compiled kernels, with numba, that find for each robot what it senses of its neighbours, without arrays of pairs.
 
 They go through the neighbours in the order in which `grid.pairs` gives them, and compute with the formulas of
-`range_and_bearing.Pairs`: sums have the same bits. Where everything lies they read in the tables of `neighbourhood`.
+`pairs.Pairs`: sums have the same bits. Where everything lies they read in the tables of `neighbourhood`.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from sleepcast.simulator.neighbours import neighbourhood
 from sleepcast.simulator.neighbours.neighbourhood import (
     ANGLE,
     AWAY,
+    BEARING,
     DIRECTION,
     DX,
     DY,
@@ -22,6 +23,7 @@ from sleepcast.simulator.neighbours.neighbourhood import (
     FROM_Y,
     HEADING,
     LEAST,
+    LISTED,
     MEAN,
     MOST,
     NEAREST,
@@ -226,6 +228,84 @@ def ask_many(vicinity, quantity, fold, frame, row, robots, radius, colour, first
 
 
 @strict
+def count_many(vicinity, robots, radius, colour, counts):
+    """Write the number of neighbours of each of the robots into `counts`; as `ask_many`."""
+    for i in range(len(robots)):
+        within = square_within(radius[i])
+        _, _, count, _ = gather(vicinity, ONE, TOTAL, 0, robots[i], within, colour[i], 0.0, 0.0, 0)
+        counts[i] = np.int64(count)
+
+
+@strict
+def list_many(vicinity, robots, radius, colour, counts, listed):
+    """Write the same neighbours to the address `listed`, each as a number of 64 bits: below the robot's, in the upper
+    half, that of the neighbour."""
+    for i in range(len(robots)):
+        within = square_within(radius[i])
+        gather(vicinity, DX, LISTED, 0, robots[i], within, colour[i], 0.0, 0.0, listed)
+        listed += 8 * counts[i]
+
+
+@strict
+def show_many(near, quantity, row, robots, others, reach, found):
+    """Write what each robot senses of another one into `found`, NaN where it does not sense it: its sensed x for DX and
+    its y for DY; as `gather`. others: numbers, perhaps of no robot. reach: m."""
+    x, y, headings = long_at(near, PLACE_X), long_at(near, PLACE_Y), long_at(near, TRUE_HEADING)
+    count, loss, noise = long_at(near, COUNT), real_at(near, LOSS), real_at(near, NOISE)
+    width, height = real_at(near, WIDTH), real_at(near, HEIGHT)
+    turned, sensed_headings = long_at(near, TURNED), long_at(near, SENSED_HEADING)
+    for i in range(len(robots)):
+        found[i] = nan
+        robot, number = robots[i], others[i]
+        if not (number >= 0.0 and number < count):
+            continue
+        other = np.int64(number)
+        if float(other) != number or other == robot:
+            continue
+        dx = nearer(real_at(x, other) - real_at(x, robot), width)
+        dy = nearer(real_at(y, other) - real_at(y, robot), height)
+        away = sqrt(dx * dx + dy * dy)
+        if away > reach:
+            continue
+        if loss > 0.0 or noise > 0.0:
+            multiple = ((U(other) << U(32)) + U(robot)) * GOLDEN
+            if loss > 0.0 and float(mixed(multiple, U(long_at(near, LOST_KEY))) >> U(11)) * 2.0**-53 < loss:
+                continue
+            if noise > 0.0:
+                wide = noise * away
+                dx = dx + wide * deviate(mixed(multiple, U(long_at(near, ACROSS_KEY))))
+                dy = dy + wide * deviate(mixed(multiple, U(long_at(near, UP_KEY))))
+                away = sqrt(dx * dx + dy * dy)
+        sine, cosine = 0.0, 1.0
+        if turned:
+            sine, cosine = sine_cosine(wrap(real_at(sensed_headings, robot) - real_at(headings, robot)))
+            dx, dy = dx * cosine - dy * sine, dx * sine + dy * cosine
+        if quantity == DX:
+            found[i] = real_at(long_at(near, SENSED_X), robot) + dx
+        elif quantity == DY:
+            found[i] = real_at(long_at(near, SENSED_Y), robot) + dy
+        elif quantity == AWAY:
+            found[i] = away
+        elif quantity == HEADING:
+            across, along = sine_cosine(real_at(headings, other))
+            if turned:
+                along, across = along * cosine - across * sine, along * sine + across * cosine
+            found[i] = arc_tangent(across, along)
+        elif quantity == BEARING:
+            if dx != 0.0 or dy != 0.0:
+                found[i] = arc_tangent(dy, dx)
+        else:
+            found[i] = real_at(long_at(near, SHARED), row * count + other)
+
+
+@part
+def nearer(way, around):
+    """See `formulas.shortest`."""
+    half = around / 2.0
+    return way - around if way > half else way + around if way < -half else way
+
+
+@strict
 def ask_lanes(question, first, mask, lanes, numbers, found):
     """What a `neighbourhood.question` comes to for the robots from `first` on whose bits are set in `mask`, into the
     numbers at `found`, of which there are as many as `lanes`. numbers: the radii as they were written; the question has
@@ -261,7 +341,9 @@ def directions(vicinity, quantity, row, first, mask, lanes, within, colours, fou
         total, other, count = 0.0, 0.0, 0.0
         if lane < lanes and mask >> lane & 1:
             colour = real_at(colours, lane) if colours else nan
-            total, other, count, _ = gather(vicinity, quantity, DIRECTION, row, first + lane, within, colour, 0.0, 0.0)
+            total, other, count, _ = gather(
+                vicinity, quantity, DIRECTION, row, first + lane, within, colour, 0.0, 0.0, 0
+            )
         put_real(sums, lane, total)
         put_real(others, lane, other)
         put_real(counts, lane, count)
@@ -276,12 +358,14 @@ def directions(vicinity, quantity, row, first, mask, lanes, within, colours, fou
 def ask(vicinity, quantity, fold, frame, row, robot, within, colour):
     """What a formula comes to for one robot, NaN for unknown. within: see `square_within`."""
     if fold == OUTLIER:
-        across, _, count, _ = gather(vicinity, DX, TOTAL, 0, robot, within, colour, 0.0, 0.0)
-        up, _, _, _ = gather(vicinity, DY, TOTAL, 0, robot, within, colour, 0.0, 0.0)
+        across, _, count, _ = gather(vicinity, DX, TOTAL, 0, robot, within, colour, 0.0, 0.0, 0)
+        up, _, _, _ = gather(vicinity, DY, TOTAL, 0, robot, within, colour, 0.0, 0.0, 0)
         least = max(count, 1.0)
-        found, _, count, _ = gather(vicinity, quantity, OUTLIER, 0, robot, within, colour, across / least, up / least)
+        found, _, count, _ = gather(
+            vicinity, quantity, OUTLIER, 0, robot, within, colour, across / least, up / least, 0
+        )
     else:
-        found, other, count, best = gather(vicinity, quantity, fold, row, robot, within, colour, 0.0, 0.0)
+        found, other, count, best = gather(vicinity, quantity, fold, row, robot, within, colour, 0.0, 0.0, 0)
         if fold == MEAN:
             found = found / max(count, 1.0)
         elif fold == DIRECTION:
@@ -301,10 +385,10 @@ def ask(vicinity, quantity, fold, frame, row, robot, within, colour):
 
 
 @part
-def gather(vicinity, quantity, fold, row, robot, within, colour, middle_x, middle_y):
+def gather(vicinity, quantity, fold, row, robot, within, colour, middle_x, middle_y, listed):
     """Fold a quantity of all neighbours of one robot. Gives the sum, or the value of the neighbour that is nearest, or
     farthest from the middle; the sum of the sines, where the other one is of cosines; how many they are; and the
-    greatest value, or of LEAST the greatest negative one."""
+    greatest value, or of LEAST the greatest negative one. listed: where LISTED writes them, see `list_many`."""
     near = long_at(vicinity, AROUND)
     own_x, own_y = real_at(long_at(vicinity, X), robot), real_at(long_at(vicinity, Y), robot)
     size, columns, reach = real_at(vicinity, SIZE), long_at(vicinity, COLUMNS), real_at(vicinity, REACH)
@@ -363,6 +447,10 @@ def gather(vicinity, quantity, fold, row, robot, within, colour, middle_x, middl
                     dx = dx + wide * deviate(mixed(multiple, U(long_at(near, ACROSS_KEY))))
                     dy = dy + wide * deviate(mixed(multiple, U(long_at(near, UP_KEY))))
                     away = sqrt(dx * dx + dy * dy)
+            if fold == LISTED:
+                put_long(listed, np.int64(count), robot << 32 | other)
+                count += 1.0
+                continue
             if turned:
                 dx, dy = dx * cosine - dy * sine, dx * sine + dy * cosine
             value, across = 1.0, 0.0

@@ -22,9 +22,9 @@ from sleepcast.simulator.world.grid import Floats
 from sleepcast.simulator.world.torus import PLAIN, Cells, cells_over
 
 # What a neighbour is asked for.
-ONE, DX, DY, AWAY, HEADING, VALUE, ANGLE = range(7)
-# How the answers of all neighbours become one number.
-TOTAL, MEAN, LEAST, MOST, NEAREST, DIRECTION, OUTLIER = range(7)
+ONE, DX, DY, AWAY, HEADING, VALUE, ANGLE, BEARING = range(8)
+# How the answers of all neighbours become one number; or who they are.
+TOTAL, MEAN, LEAST, MOST, NEAREST, DIRECTION, OUTLIER, LISTED = range(8)
 # Whose own place is added to it: none's, or the x or y of the robot that asks.
 AS_IT_IS, FROM_X, FROM_Y = range(3)
 
@@ -202,6 +202,11 @@ class Neighbourhood:
             keys = [key(self._seed, purpose, tick) for purpose in (LOST, ACROSS, UP)]
             self.table[Near.LOST_KEY : Near.UP_KEY + 1].view(np.uint64)[:] = keys
             self._drawn = tick
+
+    def begin(self, tick: int) -> int:
+        """Prepare for questions about single neighbours in this tick; gives the address of the table."""
+        self._draw(tick)
+        return self.address
 
     def vicinity(self, reach: float, tick: int, *, turning: bool) -> Vicinity:
         """The vicinity of this reach (m) in this tick, to be prepared. turning: whether headings are asked for."""

@@ -1,0 +1,148 @@
+"""Forms that go through neighbours, on the robots of a simulated world: all of them at once, compiled or not, come to
+what each robot by itself comes to, bit for bit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from machines import ALL, MACHINES
+from sleepcast.loop import Swarm
+from sleepcast.node.node import Node
+from sleepcast.simulator import Simulator, load
+from sleepcast.simulator.engine import Machine
+from small_worlds import write
+
+ROBOTS = 60
+ASKED = range(0, ROBOTS, 9)
+"""Robots whose values are looked at."""
+FORMS = """
+[neighbours]
+reach = "12m"
+loss = {loss}
+noise = {noise}
+[neighbours.shares]
+opinion = ""
+fuel = "%"
+"""
+TORUS = (
+    ('width = "1km"\nheight = "1km"', 'width = "45m"\nheight = "45m"\nedge = "torus"'),
+    ('x = "500m"\ny = "400m"', 'x = "5m"\ny = "4m"'),
+)
+TEXTS = (
+    "(SUM-OVER (n 10m) (OF n x))",
+    "(MEAN-OVER (n 12m) (OF n y))",
+    "(MIN-OVER (n 8m) (OF n opinion))",
+    "(MAX-OVER (n 8m) (- (OF n opinion) (OF n distance)))",
+    "(COUNT-OVER (n 12m) (> (OF n distance) 5m))",
+    "(COUNT-OVER (n 12m 1) (< (OF n fuel) 50%))",
+    "(BEST-OVER (n 12m) (OF n distance))",
+    "(BEST-OVER (n 12m) (IF (< (OF n colour) 1) (OF n heading) (OF n bearing)))",
+    "(SUM-OVER (n 12m) (LET ((d (OF n distance)) (k id)) (COND ((< d 3m) k) ((AND (> d 6m) (> n id)) (* d n)))))",
+    "(MEAN-OVER (n 12m) (/ 1 (OF n colour)))",
+    "(LET ((far 0)) (FOR-NEIGHBOURS (n 12m) (SETQ far (+ (/ far 2) (OF n distance)))) far)",
+    "(SUM-OVER (n (* 2m (NEAREST_DIST 12m))) (OF n x))",
+    "(NEAREST_ID 12m)",
+    "(NEAREST_ID 12m 1)",
+    "(OF (NEAREST_ID 12m) heading)",
+    "(OF (+ id 1) bearing)",
+    "(OF id x)",
+    "(SUM-OVER (n 12m) (PROB 50%))",
+)
+
+
+def world(
+    folder: Path,
+    on: Machine,
+    *changes: tuple[str, str],
+    robots: int = ROBOTS,
+    loss: float = 0.0,
+    noise: float = 0.0,
+) -> Simulator:
+    """Robots in one place of 40 m, some of them on others, which show colours and numbers."""
+    written = write(folder, ("count = 20", f"count = {robots}"), *changes, more=FORMS.format(loss=loss, noise=noise))
+    sim = Simulator(load(written), 3, on)
+    chance = np.random.default_rng(5)
+    bodies = sim.bodies
+    bodies.x[:], bodies.y[:] = 40.0 * chance.random((2, robots))
+    bodies.x[:3], bodies.y[:3] = 10.0, 10.0
+    bodies.heading[:] = chance.uniform(-3.0, 3.0, robots)
+    named = {each.name: each for each in sim.model.functions}
+    for name, values in (
+        ("COLOUR", chance.integers(0, 2, robots).astype(float)),
+        ("SHARE_OPINION", chance.integers(-2, 3, robots).astype(float)),
+        ("SHARE_FUEL", chance.random(robots)),
+    ):
+        many = named[name].many
+        assert many
+        showing = np.arange(0, robots, 1 if name == "COLOUR" else 2)
+        many(sim.robots, showing, values[showing])
+    bodies.forget()
+    sim.senses.step()
+    return sim
+
+
+Found = list[tuple[str, tuple[str, ...]]]
+"""The bits of each robot's value, and its faults."""
+
+
+def together(sim: Simulator) -> Iterator[Found]:
+    """What each text comes to on robots that are evaluated as columns."""
+    fleet = Swarm(sim).fleet
+    views = list(fleet.values())
+    for text in TEXTS:
+        (found,) = fleet.evaluate(text, list(ASKED))
+        results = [views[robot].result(found, 0) for robot in ASKED]
+        yield [(each.value.hex(), tuple(fault.reason for fault in each.faults)) for each in results]
+
+
+def alone(sim: Simulator) -> Iterator[Found]:
+    """The same of each robot by itself."""
+    vocabulary = Swarm(sim).vocabulary
+    minds = [Node("one", vocabulary, number=robot + 1, seed=sim.seed, body=sim.robots[robot]) for robot in ASKED]
+    for text in TEXTS:
+        results = [mind.evaluate(text) for mind in minds]
+        yield [(each.value.hex(), tuple(fault.reason for fault in each.faults)) for each in results]
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+@pytest.mark.parametrize(("loss", "noise"), [(0.0, 0.0), (0.3, 0.1)])
+def test_all_robots_at_once_come_to_what_each_comes_to(
+    tmp_path: Path, machine: Machine, loss: float, noise: float
+) -> None:
+    sim = world(tmp_path, machine, loss=loss, noise=noise)
+    for text, values, wanted in zip(TEXTS, together(sim), alone(sim), strict=True):
+        assert values == wanted, text
+
+
+@pytest.mark.skipif(len(ALL) == 1, reason="there is one machine")
+@pytest.mark.parametrize("changes", [(), TORUS])
+def test_compiled_code_senses_the_same_neighbours(tmp_path: Path, changes: tuple[tuple[str, str], ...]) -> None:
+    first, second = (world(tmp_path, on, *changes, loss=0.2, noise=0.1) for on in ALL)
+    for text, values, wanted in zip(TEXTS, together(first), together(second), strict=True):
+        assert values == wanted, text
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+def test_of_very_many_neighbours_the_nearest_count(tmp_path: Path, machine: Machine) -> None:
+    sim = world(tmp_path, machine, robots=402)
+    bodies = sim.bodies
+    bodies.x[:], bodies.y[:] = 500.0 + 0.01 * np.arange(402), 500.0
+    bodies.x[401] = 900.0
+    bodies.forget()
+    fleet = Swarm(sim).fleet
+    ids = np.arange(402) + 1.0
+    for text, robot, wanted in (
+        ("(COUNT-OVER (n 10m) TRUE)", 0, 256.0),
+        ("(SUM-OVER (n 10m) n)", 0, ids[1:257].sum()),
+        ("(SUM-OVER (n 10m) n)", 400, ids[144:400].sum()),
+        ("(MAX-OVER (n 10m) (OF n distance))", 0, bodies.x[256] - bodies.x[0]),
+        ("(LET ((sum 0)) (FOR-NEIGHBOURS (n 10m) (SETQ sum (+ sum n))) sum)", 400, ids[336:400].sum()),
+        ("(COUNT-OVER (n 10m) TRUE)", 401, 0.0),
+        ("(COUNT 10m)", 0, 400.0),
+    ):
+        (found,) = fleet.evaluate(text, [robot])
+        assert found.values.tolist() == [wanted], text

@@ -111,7 +111,7 @@ class ReplayWindows:
     def __init__(self, lost: Callable[[bytes], object]) -> None:
         self._lost = lost
         self._windows = FairTable[tuple[bytes, str, int], ReplayWindow, bytes](_MAX_SENDERS, lost=self._forget)
-        self._epochs: dict[tuple[bytes, str], OrderedDict[int, None]] = {}
+        self._epochs: dict[tuple[bytes, str], dict[int, None]] = {}
         """The epochs of each sender, the one heard longest ago first."""
 
     def __len__(self) -> int:
@@ -121,15 +121,21 @@ class ReplayWindows:
         """Of one sender in one epoch; None if nothing was received."""
         return self._windows.get(which)
 
+    def use(self, which: tuple[bytes, str, int]) -> None:
+        """A sender of which there is a window has just been heard."""
+        key, sender, epoch = which
+        self._windows.use(which)
+        epochs = self._epochs[key, sender]
+        if len(epochs) > 1:
+            epochs[epoch] = epochs.pop(epoch)
+
     def put(self, which: tuple[bytes, str, int], window: ReplayWindow) -> None:
-        """Store a window, new or changed: its sender has just been heard."""
+        """Store a window: its sender has just been heard."""
         key, sender, epoch = which
         self._windows.put(key, which, window)
-        epochs = self._epochs.get((key, sender))
-        if epochs is None:
-            epochs = self._epochs[key, sender] = OrderedDict()
+        epochs = self._epochs.setdefault((key, sender), {})
+        epochs.pop(epoch, None)
         epochs[epoch] = None
-        epochs.move_to_end(epoch)
         if len(epochs) > _MAX_EPOCHS:
             oldest = key, sender, next(iter(epochs))
             self._windows.pop(oldest)
@@ -296,10 +302,9 @@ class Admission:
             return DropReason.NOT_ALLOWED
         if part.kind in TO_OPERATOR if self.robot else part.kind in _TO_ROBOTS and key.role is Role.ROBOT:
             return DropReason.NOT_FOR_US
-        tells_time = self._tells_time(part)
+        tells_time = bool(self.nonce) and self._tells_time(part)
         untimely = None if part.kind in self._timeless or tells_time else self._untimely(part, now)
-        tells = self.robot and part.kind in _COMMANDING and key.role is not Role.ROBOT and part.parts == 1
-        if untimely is not None and not tells:
+        if untimely is not None and not self._may_tell_why(part, key):
             return untimely
         if not key.owner.endswith("*") and self._knows(part, key.owner):
             return DropReason.REPEATED
@@ -312,9 +317,13 @@ class Admission:
             self._turn_away(key, part, now)
         return untimely
 
+    def _may_tell_why(self, part: Fragment, key: PublicKey) -> bool:
+        """Whether its sender is told that its time is wrong, or ours."""
+        return self.robot and part.kind in _COMMANDING and key.role is not Role.ROBOT and part.parts == 1
+
     def _tells_time(self, part: Fragment) -> bool:
-        """Whether this may answer our time request; its own times are not checked then, as our clock is wrong."""
-        return bool(self.nonce) and part.kind is Kind.HEARTBEAT and part.parts == 1 and self.nonce in part.payload
+        """Whether this may answer our open time request; its own times are not checked then, as our clock is wrong."""
+        return part.kind is Kind.HEARTBEAT and part.parts == 1 and self.nonce in part.payload
 
     def _untimely(self, part: Fragment, now: float) -> DropReason | None:
         late = now - self.skew
@@ -329,7 +338,7 @@ class Admission:
         if self._second_objection(key, part, piece) is not None:
             return
         ahead = part.issued - now
-        message = read_message(part, piece.sender, piece.content, key.role.value, ahead)
+        message = read_message(part, piece.sender, piece.content, str(key.role), ahead)
         self.note(part.key, piece.sender, part.epoch, part.sequence)
         self._compare_clocks(piece.sender, ahead, now)
         self._turned_away.append(message)
@@ -419,7 +428,7 @@ class Admission:
             if len(content) > MAX_CONTENT:
                 raise EnvelopeError("a message whose parts are too long together")
         ahead = part.issued - now if self._untimely(part, now) is not None else 0.0
-        message = read_message(part, piece.sender, content, key.role.value, ahead)
+        message = read_message(part, piece.sender, content, str(key.role), ahead)
         if key.role is Role.ROBOT and not ahead:
             self.conflicts.hear(message, now, address_of(datagram), key.is_of)
         if self.robot and key.role is not Role.ROBOT and (ahead or abs(part.issued - now) <= self.skew):
@@ -434,11 +443,14 @@ class Admission:
         """Mark this message as received, or as our own: a repeat is dropped. lasting: whether a restart must not forget
         it."""
         which = key, sender, epoch
-        heard = self._heard.get(which) or ReplayWindow(sequence)
-        heard.note(sequence)
+        heard = self._heard.get(which)
+        if heard is None:
+            self._heard.put(which, ReplayWindow(sequence, 1))
+        else:
+            heard.note(sequence)
+            self._heard.use(which)
         if lasting:
             self._changed.add(which)
-        self._heard.put(which, heard)
 
 
 # ---- rate limits: a token bucket, and a fair one that decides at random in a flood

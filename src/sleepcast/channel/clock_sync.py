@@ -84,7 +84,8 @@ class WrongClocks:
 
     def note(self, name: str, ahead: float, key: object = "") -> None:
         """The clock of this party is `ahead` s ahead, 0 if it is right. key: that signed what shows it."""
-        self._ahead.put(key, name, ahead)
+        if self._ahead.get(name) != ahead:  # nearly always it is as right as before
+            self._ahead.put(key, name, ahead)
 
     def note_took(self, name: str, whose: str, behind: float, key: object = "") -> None:
         """This robot's clock was `behind` s behind, and has been set to the time of `whose`. key: as in `note`."""

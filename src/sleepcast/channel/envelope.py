@@ -58,7 +58,11 @@ _BEGINNING = Struct(f">{ID_BYTES}sBH{FIXED.format.removeprefix('>')}")
 """The key's id, the length of the payload, and `FIXED`."""
 KIND_AT = PAYLOAD_AT + 2
 """Offset of the kind's number."""
-_ARRAY, _SMALL, LONG, _BYTES = 0x8B, 0x18, 0x1B, 0x59
+_ARRAY, _SMALL, LONG, _LONG_BYTES = 0x8B, 0x18, 0x1B, 0x59
+_BYTES, _TEXT = 0x40, 0x60
+"""The CBOR heads of an empty byte string and of an empty text. A length up to 23 is added to them."""
+_LENGTHS = {24: 1, 25: 2, 26: 4, 27: 8}
+"""What is added instead where the length follows, and in how many bytes."""
 _HEADS = (LONG, LONG, LONG, LONG, _SMALL, _SMALL)
 """The CBOR heads in `FIXED`, from the epoch's on."""
 SIGNATURE_HEAD = b"\x58\x40"
@@ -165,7 +169,7 @@ def look(datagram: bytes) -> Fragment:
         raise EnvelopeError("these bytes do not begin like a signed message")
     end = len(datagram) - TAIL
     key, long, length, array, version, kind, *fields = _BEGINNING.unpack_from(datagram, len(HEAD))
-    if long != _BYTES or length != end - PAYLOAD_AT or datagram[end : end + 2] != SIGNATURE_HEAD:
+    if long != _LONG_BYTES or length != end - PAYLOAD_AT or datagram[end : end + 2] != SIGNATURE_HEAD:
         raise EnvelopeError("a message whose lengths are not those that it states")
     head_1, epoch, head_2, sequence, head_3, issued, head_4, deadline, head_5, number, head_6, parts = fields
     if array != _ARRAY or (head_1, head_2, head_3, head_4, head_5, head_6) != _HEADS:
@@ -198,11 +202,28 @@ def signed_bytes(payload: bytes) -> bytes:
 
 def read_piece(part: Fragment) -> Piece:
     """The rest of a verified part. Raises EnvelopeError if its signer wrote something malformed."""
-    decoded = _decoded(b"\x83" + part.payload[FIXED.size :])
-    match decoded:
-        case [str() as fleet, str() as sender, bytes() as content] if len(fleet) <= MAX_NAME:
-            return Piece(fleet, sender, content)
-    raise EnvelopeError("a message without fleet, sender and content")
+    payload = part.payload
+    try:
+        fleet, at = _string(payload, FIXED.size, _TEXT)
+        sender, at = _string(payload, at, _TEXT)
+        content, at = _string(payload, at, _BYTES)
+        piece = Piece(fleet.decode(), sender.decode(), content)
+    except ValueError:
+        piece = None
+    if piece is None or at != len(payload) or len(piece.fleet) > MAX_NAME:
+        raise EnvelopeError("a message without fleet, sender and content")
+    return piece
+
+
+def _string(payload: bytes, at: int, kind: int) -> tuple[bytes, int]:
+    """The text or the bytes (`kind`) at an offset, as CBOR has them, and the offset of what follows, which is past the
+    end where some are missing. Raises ValueError for anything else."""
+    size, at = payload[at] - kind if at < len(payload) else -1, at + 1
+    if size in _LENGTHS:
+        size, at = int.from_bytes(payload[at : at + _LENGTHS[size]], "big"), at + _LENGTHS[size]
+    elif not 0 <= size < 24:
+        raise ValueError(f"no string at {at}")
+    return payload[at : at + size], at + size
 
 
 def read_message(part: Fragment, sender: str, content: bytes, role: str = "", ahead: float = 0.0) -> Message:
@@ -211,13 +232,10 @@ def read_message(part: Fragment, sender: str, content: bytes, role: str = "", ah
     decoded = _decoded(content)
     match decoded:
         case [str() as text, dict() as body] if plain(body):
+            sent, key = (part.kind, part.issued, part.deadline), part.key.hex() if role else ""
             try:
                 return Message(
-                    *(sender, part.epoch, part.sequence, part.kind, part.issued, part.deadline, text, part.standing),
-                    body,
-                    role,
-                    ahead=ahead,
-                    key=part.key.hex() if role else "",
+                    sender, part.epoch, part.sequence, *sent, text, part.standing, body, role, None, ahead, key
                 )
             except MessageError as error:
                 raise EnvelopeError(str(error)) from None
@@ -236,8 +254,9 @@ def plain(body: object, depth: int = MAX_DEPTH) -> bool:
         return type(body) in _SCALARS
     if depth <= 0:
         return False
-    nested = [value for value in inner if type(value) not in _SCALARS]  # often none, and this is done for each message
-    return not nested or all(plain(value, depth - 1) for value in nested)
+    if _SCALARS.issuperset(map(type, inner)):  # so it often is, and this is done for each message
+        return True
+    return all(type(value) in _SCALARS or plain(value, depth - 1) for value in inner)
 
 
 def _decoded(data: bytes) -> object:

@@ -270,9 +270,10 @@ def answer_body(command: str, outcome: str, value: float, fault: str) -> dict[st
 def outcome_of(body: Mapping[str, object]) -> object:
     """The outcome in an answer's body, whatever its sender has put there."""
     outcome = body.get("outcome")
-    return next(
-        (refined for refined, known in REFINED.items() if outcome == known and body.get(refined) is True), outcome
-    )
+    for refined, known in REFINED.items():
+        if outcome == known and body.get(refined) is True:
+            return refined
+    return outcome
 
 
 def not_stored(message: Message) -> Message:

@@ -195,8 +195,11 @@ class NameConflicts:
         if holders is None:
             holders = []
             self._holders.put(key, name, holders)
-        elif holders and now - min([each.heard for each in holders]) > LASTS:
-            self._retire(name, holders, now)
+        else:
+            for each in holders:
+                if now - each.heard > LASTS:
+                    self._retire(name, holders, now)
+                    break
         return holders
 
     def _add(self, name: str, holders: list[Holder], new: Holder) -> None:

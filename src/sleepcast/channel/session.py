@@ -164,11 +164,10 @@ class ChannelSession:
         return stops
 
     def _read(self, datagrams: Iterable[bytes]) -> None:
+        messages: list[Message] = []
         for datagram in datagrams:
-            now = self._clock.now()
-            if messages := self.delivery.take(datagram, now):
-                self._hear(messages, now)
-        self._hear(self.delivery.turned_away(), self._clock.now())
+            messages += self.delivery.take(datagram, self._clock.now())
+        self._hear(messages + self.delivery.turned_away(), self._clock.now())
 
     def hear(self, messages: Iterable[Message]) -> None:
         """Take in received messages, with the times of our mind."""
@@ -378,7 +377,11 @@ def _count_held_back(admission: Admission, asker: str) -> None:
 def to_mind_time(message: Message, zero: float, admission: Admission, now: float) -> Message:
     """A message received at `now`, in the time of a mind that began at `zero`, s of Unix time. Its deadline is by the
     sender's clock, so the measured clock offset is added."""
-    deadline = message.deadline + admission.offsets.of(message.sender, now) - zero
+    offset = admission.offsets.of(message.sender, now)
+    if not (zero or offset):  # an operator's time is that of the channel, and a copy would cost as much as reading it
+        msgspec.structs.force_setattr(message, "heard", now)
+        return message
+    deadline = message.deadline + offset - zero
     return msgspec.structs.replace(message, issued=message.issued - zero, deadline=deadline, heard=now - zero)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 from collections.abc import Iterable
 from contextlib import suppress
+from functools import lru_cache
 from typing import Protocol, runtime_checkable
 
 from sleepcast.channel.message import Kind
@@ -51,9 +52,12 @@ class AddressedDatagram(bytes):
 def address_of(datagram: bytes) -> str:
     """Where a datagram came from, as HOST:PORT; "" where nobody knows."""
     address = datagram.address if isinstance(datagram, AddressedDatagram) else None
-    if address is None:
-        return ""
-    host, port = address
+    return "" if address is None else _written(*address)
+
+
+@lru_cache(maxsize=1_024)
+def _written(host: str, port: int) -> str:
+    """An address in words; many robots of a process have one."""
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 

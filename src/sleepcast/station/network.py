@@ -506,14 +506,13 @@ class NetworkStation(Station):
     def _is_new(self, message: Message, command: object) -> bool:
         """Whether a robot says this now. Where its clock is wrong, it does if it answers what we have sent (`command`);
         then it is known how wrong its clock is, and what else it says can be judged by that."""
-        clocks, skew = self.clocks, self.session.delivery.admission.skew
-        answers = self._sent.find(command) is not None
-        if answers or not message.ahead:
-            clocks.note(message.sender, message.ahead, message.key)
-        return abs(clocks.ahead(message.sender) - message.ahead) <= skew
+        if not message.ahead or self._sent.find(command) is not None:
+            self.clocks.note(message.sender, message.ahead, message.key)
+            return True
+        return abs(self.clocks.ahead(message.sender) - message.ahead) <= self.session.delivery.admission.skew
 
     def _count(self, command: Command, place: int, message: Message, answer: Answer) -> None:
-        self._shared.take(command, place, message, answer, self._clock.now())
+        self._shared.take(command, place, message, answer)
 
     def _update_latch(self, robots: Index, stopped: Mask, now: float) -> None:
         if self._sent.latch is None:

@@ -338,6 +338,8 @@ class RemoteMinds(Mapping[str, RemoteMind]):
             self._shown[message.sender] = message.epoch
             if len(self._shown) > MAX_TELLERS:
                 del self._shown[next(iter(self._shown))]
+        if not epochs and (mind is None or not mind.others):
+            return False  # as it is of nearly all
         others = epochs - {self._shown.get(message.sender)}
         if mind is not None:
             mind.others = {epoch: mind.others.get(epoch, False) for epoch in others}
@@ -548,10 +550,10 @@ class TelemetryClient:
         """Take in answers, and request what is missing then."""
         told: list[RemoteMind] = []
         for message in heard:
-            command = str(message.body.get("command"))
             if message.kind is not Kind.ANSWER:
                 continue
-            if (command, message.sender) in self._whys:
+            command = str(message.body.get("command"))
+            if self._whys and (command, message.sender) in self._whys:
                 self._whys[command, message.sender] = _why(message)
             elif TELEMETRY in message.body and command in self._looks:
                 # Answers are spread over time: the telemetry is of when it was asked for, or later.

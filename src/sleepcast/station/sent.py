@@ -88,6 +88,7 @@ def answer_from(body: Mapping[str, object], now: float) -> Answer | None:
 OUTCOMES = tuple(Outcome)
 SILENT, MATCHED, NOT_MATCHED, FAULT, TEST_UNKNOWN, HELD_BY_STOP = range(len(OUTCOMES) + 1)
 """What a robot's code in a column of outcomes means: nothing heard, or one of `OUTCOMES` in their order."""
+CODES = {outcome: code for code, outcome in enumerate(OUTCOMES, 1)}
 
 
 class Answers(Mapping[str, Answer]):
@@ -111,7 +112,7 @@ class Answers(Mapping[str, Answer]):
         if self._outcome[robot]:
             return
         self._count += 1
-        self._outcome[robot] = _code(answer.outcome)
+        self._outcome[robot] = CODES[answer.outcome]
         self._heard[robot] = answer.heard
         self._value[robot] = nan if answer.value is None else answer.value
         if answer.fault:
@@ -121,7 +122,7 @@ class Answers(Mapping[str, Answer]):
     def take(self, robots: Index, places: Index, said: Said, now: float) -> None:
         """The answers of many robots, each at its place in `said`; malformed ones are left out."""
         sort = said.outcome[places]
-        codes = np.array([_code(SAID.get(word)) for word in said.outcomes], np.uint8)[sort]
+        codes = np.array([CODES[SAID[word]] if word in SAID else SILENT for word in said.outcomes], np.uint8)[sort]
         faults = (*said.faults, LATE)
         fault = said.fault[places]
         if "late" in said.outcomes:
@@ -247,10 +248,6 @@ class Answers(Mapping[str, Answer]):
 
     def __len__(self) -> int:
         return self._count
-
-
-def _code(outcome: Outcome | None) -> int:
-    return 0 if outcome is None else OUTCOMES.index(outcome) + 1
 
 
 # ---- a command
@@ -470,7 +467,9 @@ class SentCommands:
 
     def find(self, command: object) -> Command | None:
         """The command with this id, if it is stored."""
-        return self._commands.get(str(command)) or self._looks.get(str(command))
+        if not isinstance(command, str):
+            return None
+        return self._commands.get(command) or self._looks.get(command)
 
     def get(self, command: str) -> Command:
         """The command with this id. Raises NoSuchCommandError."""

@@ -80,9 +80,9 @@ class ContestedNames:
         for name in self._conflicts.contested(now):
             self._review(command, name, now)
 
-    def take(self, command: Command, place: int, message: Message, answer: Answer, now: float) -> None:
+    def take(self, command: Command, place: int, message: Message, answer: Answer) -> None:
         """What a robot answers."""
-        name = message.sender
+        name, now = message.sender, answer.heard
         if command.is_look or not ((command.id, name) in self._shared or self._conflicts.holders(name, now)):
             command.answers.add(place, answer)
             return

@@ -532,17 +532,17 @@ class Station:
                 if place is not None and RULE in message.body:
                     self.failures.hear(place, message.body, now)
             elif message.kind is Kind.ANSWER:
-                command = self._sent.find(message.body.get("command"))
-                answer = answer_from(message.body, now)
+                command, answer = self._sent.find(message.body.get("command")), answer_from(message.body, now)
                 if command is not None and answer is not None and place is not None:
                     self._count(command, place, message, answer)
-                self._take_rest(place, message)
+                if self._sent.latch is not None:
+                    self._take_rest(place, message)
                 if TELEMETRY in message.body or (command is not None and command.is_look):
                     return place
             else:
                 return place
-            subject, details = str(message.body.get("command", "")), {"kind": message.kind.value, **message.body}
-            self._note(JournalEvent.HEARD, message.sender, subject=subject, details=details)
+            subject, details = str(message.body.get("command", "")), {"kind": str(message.kind), **message.body}
+            self.notes.write(PendingEntry(now, message.sender, JournalEvent.HEARD, subject, details=details))
             return place
 
     def _count(self, command: Command, place: int, message: Message, answer: Answer) -> None:

@@ -106,7 +106,7 @@ def line_of(entry: JournalEntry, written: float) -> str:
     more than 64 bits as text."""
     details: dict[str, object] = {}
     for key, value in entry.details.items():
-        if isinstance(value, RobotNames) and len(value) > MAX_LISTED:
+        if type(value) is RobotNames and len(value) > MAX_LISTED:
             details[f"n_{key}"], value = len(value), value[:MAX_LISTED]
         details[key] = _plain(value)
     fields = {
@@ -114,7 +114,7 @@ def line_of(entry: JournalEntry, written: float) -> str:
         "written": written,
         "time": entry.time,
         "who": _text(entry.who),
-        "event": entry.event.value,
+        "event": entry.event,
         "subject": _text(entry.subject),
         "text": _text(entry.text),
         "details": details,
@@ -145,8 +145,12 @@ def read_line(line: str, hash: bytes) -> FiledEntry:
 
 def _plain(value: object, depth: int = 0) -> object:
     """What `line_of` can write for a value, of exactly these types."""
+    if type(value) is str:  # as most are, and there are many entries
+        return _text(value)
+    if value is None or type(value) is float:  # what is no finite number is written as `null`
+        return value
     match value:
-        case None | bool():
+        case bool():
             return value
         case str():
             return _text(str(value))

@@ -8,10 +8,13 @@ The folder in which it is started may be anybody's: no module is imported from t
 that it starts.
 """
 
+import atexit
 import gc
 import os
 import signal
 import sys
+from contextlib import suppress
+from typing import NoReturn
 
 USUAL = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
 """What signals do, unless the process was started with another setting, which is kept."""
@@ -20,6 +23,19 @@ _GARBAGE = (100_000, 20, 20)
 """How many new objects Python looks for garbage after, and how often it looks at older ones: libraries, and the robots
 of a fleet, are made of objects that stay. With Python's own numbers the search is a tenth of a short command; a run of
 few robots ends before the first one."""
+
+
+def run() -> NoReturn:
+    """Load and run the command, and end the process. What Python would take apart then, object by object, goes with the
+    process anyway; unless a thread still works, of which Python takes care."""
+    status = start()
+    if "threading" in sys.modules and sys.modules["threading"].active_count() > 1:
+        sys.exit(status)
+    atexit._run_exitfuncs()
+    for stream in filter(None, (sys.stdout, sys.stderr)):
+        with suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(status)
 
 
 def start() -> int:
@@ -53,4 +69,4 @@ def _import_nothing_from_here() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(start())
+    run()

@@ -124,3 +124,31 @@ def test_torchrl_groups_agents_by_the_parts_of_their_names_and_ends_with_the_fir
         told = PettingZooWrapper(make(), group_map=MarlGroupMapType.ALL_IN_ONE_GROUP, done_on_any=False, use_mask=True)
         assert [len(group) for group in told.group_map.values()] == [AGENTS]
         assert told.rollout(30).batch_size[0] > first
+
+
+@pytest.mark.counterpart("skrl")
+@pytest.mark.filterwarnings("ignore")
+def test_skrl_begins_with_its_own_seed() -> None:
+    from skrl.envs.wrappers.torch import wrap_env
+    from skrl.utils import set_seed
+
+    env = sleepcast.gym.vector_env("bravo", **TASK, worlds=2, autoreset="SameStep")
+    env.reset(seed=7)
+    set_seed(42)
+    wrap_env(env, verbose=False).reset()
+    assert env.episode_keys[0].seed == 42, "whatever it was reset with"
+
+
+@pytest.mark.counterpart("skrl")
+@pytest.mark.filterwarnings("ignore")
+def test_skrl_wraps_agents_by_their_older_attributes() -> None:
+    import torch
+    from skrl.envs.wrappers.torch import wrap_env
+
+    with pytest.raises(AttributeError, match="observation_spaces"):
+        wrap_env(Leaving(), wrapper="pettingzoo", verbose=False).reset()
+    env = wrap_env(sleepcast.gym.parallel_env("bravo", **TASK), wrapper="pettingzoo", verbose=False)
+    observed, _ = env.reset()
+    assert {name: tuple(each.shape) for name, each in observed.items()} == dict.fromkeys(env.possible_agents, (1, 3))
+    _, reward, *_ = env.step({name: torch.zeros(1, 2) for name in env.possible_agents})
+    assert {float(each) for each in reward.values()} == {1.0}

@@ -138,3 +138,47 @@ def test_rerun_draws_maps_and_ranges_of_a_bag_and_no_arrays_of_poses(tmp_path: P
     assert drawn["/rosout"] == {"TextLog"}
     assert drawn["/poses"] == {"geometry_msgs.msg.PoseArray"}
     assert drawn["/scout1/readings/x"] == {"std_msgs.msg.Float64"}
+
+
+@pytest.mark.counterpart("rosbags")
+def test_rosbags_refuses_a_fleets_numbers_until_they_are_converted() -> None:
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg("float32[] ranges", "demo/msg/Scan"))
+    scan = store.types["demo/msg/Scan"]
+    with sc.open("bravo", seed=1, robots=3) as fleet:
+        ranges = fleet["speed"]
+    with pytest.raises(ValueError, match="different structures"):
+        store.serialize_cdr(scan(ranges), "demo/msg/Scan")
+    data = store.serialize_cdr(scan(ranges.astype("<f4")), "demo/msg/Scan")
+    assert store.deserialize_cdr(data, "demo/msg/Scan").ranges == pytest.approx(ranges)
+
+
+NUMBERS = """
+import { createRequire } from 'node:module';
+const required = createRequire(process.argv[2] + '/');
+const { MessageReader } = required('@foxglove/rosmsg2-serialization');
+const { parse } = required('@foxglove/rosmsg');
+const reader = new MessageReader(parse('float64 x', { ros2: true }));
+console.log(reader.readMessage(Uint8Array.from(Buffer.from(process.argv[3], 'hex'))).x);
+"""
+
+
+@pytest.mark.counterpart("@foxglove/rosmsg2-serialization", "@foxglove/rosmsg", "rosbags", "node")
+def test_foxglove_reads_a_length_for_a_number_where_rosbags_refuses() -> None:
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg("float64 x", "demo/msg/One"))
+    plain, delimited = b"\0\1\0\0" + struct.pack("<d", 1.5), b"\0\x09\0\0" + struct.pack("<Id", 8, 1.5)
+    assert store.deserialize_cdr(plain, "demo/msg/One").x == 1.5
+    with pytest.raises(Exception, match=r"."):  # an assertion of its own
+        store.deserialize_cdr(delimited, "demo/msg/One")
+    found = list[float]()
+    for data in (plain, delimited):
+        command = ["node", "--input-type=module", "-", str(families.NODE_MODULES), data.hex()]
+        done = subprocess.run(command, input=NUMBERS, capture_output=True, text=True, check=True)
+        found.append(float(done.stdout))
+    assert found[0] == 1.5
+    assert found[1] != 1.5

@@ -235,6 +235,13 @@ class TestParallel:
         assert (observed.low[3], observed.high[3], observed.high[4]) == (0.0, 1.0, np.inf)
         assert acted.high[0] == pytest.approx(30 * 1852 / 3600)
 
+    def test_their_spaces_are_attributes_too(self) -> None:
+        env = gym.parallel_env(**BRAVO)
+        assert list(env.observation_spaces) == list(env.action_spaces) == env.possible_agents
+        for name in env.possible_agents:
+            assert env.observation_spaces[name] is env.observation_space(name)
+            assert env.action_spaces[name] is env.action_space(name)
+
     def test_robots_that_are_done_leave_and_stand(self) -> None:
         env = gym.parallel_env("bravo", done="(> fuel 50%)", **{**RESCUE, "robots": 20, **LONG})
         env.reset(seed=1)

@@ -146,6 +146,7 @@ def test_an_experiment_of_argos(imported: Import) -> None:
     assert (at["e6"][:2], at["e7"][:2]) == ((3.75, 3.2), (4.25, 2.8))
     assert found.robots[1].hardware.track, "a robot that is known"
     assert any("movable <cylinder>" in each for each in found.left_out())
+    assert not any("random_seed" in each for each in found.left_out())
 
 
 def test_obstacles_by_chance_are_the_same_each_time(tmp_path: Path) -> None:
@@ -157,6 +158,18 @@ def test_obstacles_by_chance_are_the_same_each_time(tmp_path: Path) -> None:
     first, second = read_foreign(tmp_path / "chance.argos"), read_foreign(tmp_path / "chance.argos")
     assert first.solids == second.solids
     assert len({each.center for each in first.solids if isinstance(each, Disc)}) == 5
+
+
+@pytest.mark.parametrize("seed", ["", 'random_seed="0"'])
+def test_an_experiment_without_a_seed_is_repeated_with_one(imported: Import, seed: str) -> None:
+    robot = '<foot-bot id="f"><body position="0,0,0"/><controller config="c"/></foot-bot>'
+    found, scenario = imported(
+        "any.argos",
+        f'<argos-configuration><framework><experiment length="9" {seed}/></framework>'
+        f'<arena size="2,2,1">{robot}</arena></argos-configuration>',
+    )
+    assert scenario.seed == 0
+    assert any(each.startswith("random_seed 0: ARGoS draws another one for each run") for each in found.left_out())
 
 
 def test_a_world_of_stage(imported: Import, tmp_path: Path) -> None:

@@ -34,6 +34,8 @@ class RobotAgents(ParallelEnv):  # type: ignore[misc]  # PettingZoo has no types
         self.possible_agents = list(task.names)
         self.agents: list[str] = []
         self._index = {name: index for index, name in enumerate(task.names)}
+        self.observation_spaces = dict.fromkeys(task.names, task.observed)  # skrl asks these, not the functions below
+        self.action_spaces = dict.fromkeys(task.names, task.acted)
 
     @property
     def fleet(self) -> Any:

@@ -132,6 +132,8 @@ class _Experiment:
         self.found.seconds = length or self.found.seconds
         self.found.tick = 1.0 / ticks
         self.found.seed = int(self._number(experiment, "random_seed", "0")) % 2**32
+        if not self.found.seed:
+            self.found.leave_out("random_seed 0", "ARGoS draws another one for each run; here the runs are alike")
         if not length:
             self.found.leave_out("length 0", "an experiment without an end gets five minutes")
 

@@ -52,6 +52,7 @@ MAX_SAID = 100
 """Sentences of one robot that are said once."""
 STATIC = "tf_static"
 VELOCITIES = (Twist, TwistStamped)
+NO_FLOAT = "as rclpy has it of what is no float of Python: say 1.0, not 1, and float(x) of what numpy has made"
 STOPS = ("sensor", "latched")
 """How it is listened to at `stop`: to those who say it to nobody later, and for what was said before. The second misses
 nothing, and so has the last word."""
@@ -404,7 +405,7 @@ def wrong_velocity(twist: Twist) -> str:
             if not isfinite(value):
                 return f"{part}.{axis} is {value}"
             if 0.0 < abs(value) < float_info.min:
-                return f"{part}.{axis} is {value:g}, as rclpy has it of a whole number: say 1.0, not 1"
+                return f"{part}.{axis} is {value:g}, {NO_FLOAT}"
             if abs(value) > FASTEST:
                 return f"{part}.{axis} is {value:g}, beyond {FASTEST:,.0f}"
     return ""

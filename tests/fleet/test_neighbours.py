@@ -9,8 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import sleepcast as sc
 from machines import ALL, MACHINES
+from sleepcast.core.neighbours import nearest_id
+from sleepcast.language import FreshNames, Vocabulary, check
 from sleepcast.loop import Swarm
+from sleepcast.mind.telemetry import read_vocabulary, vocabulary_text
 from sleepcast.node.node import Node
 from sleepcast.simulator import Simulator, load
 from sleepcast.simulator.engine import Machine
@@ -146,3 +150,41 @@ def test_of_very_many_neighbours_the_nearest_count(tmp_path: Path, machine: Mach
     ):
         (found,) = fleet.evaluate(text, [robot])
         assert found.values.tolist() == [wanted], text
+
+
+STEERED = (
+    "(RULE steer (PROGN (DEFVAR v 0) (SETQ v (SUM-OVER (n 5m) (* (OF n distance) (OF n heading)))) "
+    "(FOR-NEIGHBOURS (n 2m) (SETQ v (+ v (OF n x)))) (COLOUR (NEAREST_ID 5m)) "
+    "(DRIVE 0.5m/s (CLAMP (/ (WRAP (- (OF (NEAREST_ID 5m) bearing) heading)) 2s) -1 1))))"
+)
+
+
+def test_worlds_and_runs_that_go_on_equal_one_run() -> None:
+    with sc.open("couzin", seed=4) as alone:
+        alone.send(STEERED, everybody=True)
+        alone.run(1.0 - alone.time)
+        middle = alone.snapshot()
+        alone.run(1.0)
+        assert len(set(alone["v"].tolist())) > 1, "they differ, and have moved"
+        worlds = sc.open_many("couzin", seeds=[3, 4])
+        for world in worlds:
+            world.send(STEERED, everybody=True)
+        worlds.run(2.0 - worlds.time)
+        resumed = sc.resume(middle)
+        resumed.run(1.0)
+        for other in (worlds[1], resumed):
+            assert other.time == alone.time
+            assert np.array_equal(other["v"], alone["v"])
+            assert other.hash == alone.hash
+
+
+def test_what_neighbours_show_is_known_far_away() -> None:
+    near = nearest_id(lambda *_: 0.0, lambda *_: (), lambda *_: 0.0, more={"fuel": "%"})
+    vocabulary = Vocabulary("rover", functions=(near,))
+    far = read_vocabulary(vocabulary_text(vocabulary))
+    found = check("(MEAN-OVER (n 5m) (OF n feul))", FreshNames(far)).findings
+    assert [finding.message for finding in found] == ['neighbours show no "feul" at 1:25 (did you mean fuel?)']
+    assert check("(MEAN-OVER (n 5m) (OF n fuel))", FreshNames(far)).unit == "%"
+    deaf = read_vocabulary(vocabulary_text(Vocabulary("buoy")))
+    (warning,) = check("(SUM-OVER (n 5m) 1)", FreshNames(deaf)).findings
+    assert warning.message == "SUM-OVER at 1:2 is a fault on these robots, which tell no neighbours apart"

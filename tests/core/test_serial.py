@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import tracemalloc
 import zlib
+from concurrent.futures import ThreadPoolExecutor
+from threading import Lock
+from time import sleep
 
 import msgspec
 import numpy as np
@@ -23,6 +26,29 @@ class Box(msgspec.Struct):
     name: str
     numbers: Arrays
     pairs: list[tuple[int, float]] = []
+
+
+def test_one_thread_alone_finds_out_what_is_in_a_struct(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where two do, msgspec crashes."""
+
+    class Fresh(msgspec.Struct):
+        number: int = 7
+
+    made, inside, decoder = [], Lock(), msgspec.msgpack.Decoder
+
+    def slow(kind: type[Fresh]) -> msgspec.msgpack.Decoder[Fresh]:
+        assert inside.acquire(blocking=False)
+        sleep(0.01)  # so that others have the time to come in as well
+        made.append(kind)
+        inside.release()
+        return decoder(kind)
+
+    monkeypatch.setattr(msgspec.msgpack, "Decoder", slow)
+    parcel = pack(Fresh(), MOST)
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(lambda _: unpack(Fresh, parcel, MOST, "it"), range(8)))
+    assert found == [Fresh()] * 8
+    assert made == [Fresh]
 
 
 def count(value: object) -> int:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.api.assembly import Common, assemble, assemble_from, warm_up
+from sleepcast.api.assembly import Common, assemble, assemble_from, others_of, warm_up
 from sleepcast.api.commands import Fleet, read_only
 from sleepcast.api.history import History
 from sleepcast.api.mission import Mission
@@ -29,7 +29,7 @@ from sleepcast.language import Checked, CheckError, Explanation
 from sleepcast.language.evaluate import is_true
 from sleepcast.loop import Swarm, load, save, snapshot
 from sleepcast.loop.mission import MissionLog
-from sleepcast.loop.rerun import InputLog
+from sleepcast.loop.rerun import InputLog, Inputs
 from sleepcast.simulator import Changes, Payload, Scenario, World, find_scenario, read_scenario
 from sleepcast.simulator.scenario.mission import Instruction, Order
 from sleepcast.simulator.scenario.robot_settings import MAX_TIME
@@ -51,16 +51,38 @@ class SimulatedFleet(Fleet):
         super().__init__(station)
         self.swarm = swarm
         self._histories: list[tuple[Every, History]] = []
+        """What is sampled, and when."""
         self._checked: dict[str, tuple[int, Checked, CheckError | None]] = {}
         """`FleetState.turns`, what the checker said of expressions then, and what is raised for them."""
         self._inputs: InputLog | None = None
         """All that came from outside since the start; None for a fleet whose start nobody saw."""
         self._recording: RunRecording | None = None
 
-    def _watch_inputs(self) -> None:
-        """Keep what comes from outside from now on, before the first tick."""
+    def _watch_inputs(self, earlier: Inputs | None = None) -> None:
+        """Keep what comes from outside from now on. earlier: what came before; None before the first tick."""
         self._inputs = InputLog(self.swarm)
+        if earlier is not None:
+            self._inputs.begin_with(earlier)
         self.swarm.witnesses.append(self._inputs)
+
+    @property
+    def _only_inputs(self) -> Inputs | None:
+        """What came from outside since the start, if its scenario, its seed and its state between two ticks are all
+        else that there is of the fleet; None if somebody watches it, or its desk has heard what no state keeps."""
+        swarm, desks = self.swarm, [self.station, *others_of(self.swarm)]
+        watched = swarm.witnesses != [self._inputs] or swarm.senders or swarm.refused or self._recording
+        if watched or not swarm.whole or any(desk.listeners or desk.failures.names for desk in desks):
+            return None
+        return None if self._inputs is None else self._inputs.inputs
+
+    def _dissolve(self) -> None:
+        """Let go of all at once, for those whose fleet nobody else has: its parts know each other, so that otherwise
+        it would wait in memory for the garbage collector."""
+        quiet = vars(self.swarm).get("quiet")
+        parts = (self, self.swarm, self.station, self.swarm.fleet, self.swarm.simulator.bodies, quiet)
+        for part in parts:
+            if part is not None:
+                vars(part).clear()
 
     # ---- time
 

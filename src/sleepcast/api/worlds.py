@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 
 from sleepcast.api.assembly import Common
 from sleepcast.api.commands import WAIT
-from sleepcast.api.fleet import SimulatedFleet, changed, open, opened
+from sleepcast.api.fleet import SimulatedFleet, changed, open
 from sleepcast.api.history import History
 from sleepcast.api.progress import steps
+from sleepcast.api.resting import KeptWorld, WorldStart
 from sleepcast.api.results import CommandResult
 from sleepcast.api.table import DataTable, Numbers, Texts
 from sleepcast.core.errors import MisuseError, SleepcastError, reason_of
@@ -35,8 +36,12 @@ from sleepcast.simulator.scenario.robot_settings import MAX_TIME
 
 MAX_WORLDS = 100_000
 """Worlds at once: their desks alone take some gigabytes."""
-TOGETHER = 5.0
-"""Simulated s after which all worlds are as far, while they run."""
+TOGETHER, IN_TURN = 5.0, 60.0
+"""Simulated s after which all worlds are as far, while they run; the same where some have to be woken for that."""
+AWAKE = 64
+"""Worlds that are always awake, the first ones. The others rest while nothing is done with them."""
+GROUP = 50
+"""Worlds that are woken and run before others have their turn: some tenths of a second."""
 
 
 class WorldPlan(NamedTuple):
@@ -55,26 +60,28 @@ class Worlds:
     """
 
     def __init__(
-        self, plans: Sequence[WorldPlan], opened: Callable[[WorldPlan], SimulatedFleet], threads: int, *, quiet: bool
+        self, plans: Sequence[WorldPlan], opened: Callable[[WorldPlan], KeptWorld], threads: int, *, quiet: bool
     ) -> None:
         self.plans, self.time = tuple(plans), 0.0
         self.failed: dict[int, str] = {}
-        self._fleets: dict[int, SimulatedFleet] = {}
+        self._worlds: dict[int, KeptWorld] = {}
         self._pool = ThreadPool(threads)
         errors, robots = list[Exception](), 0
         with closing(steps(len(self.plans), "opening worlds", quiet=quiet)) as numbers:
             for number in numbers:
                 try:
-                    fleet = opened(self.plans[number])
-                    if robots + len(fleet) > MAX_MINDS:
+                    world = opened(self.plans[number])
+                    if robots + world.robots > MAX_MINDS:
                         raise MisuseError(
                             f"all worlds together have more than {MAX_MINDS:,} robots: open fewer at once"
                         )
-                    self._fleets[number], robots = fleet, robots + len(fleet)
+                    if len(self._worlds) >= AWAKE:
+                        world.rest()
+                    self._worlds[number], robots = world, robots + world.robots
                 except Exception as error:  # what a payload does at the start may raise anything
                     errors.append(error)
                     self._fail(number, error)
-        if not self._fleets:
+        if not self._worlds:
             raise errors[0]
 
     # ---- the worlds
@@ -87,34 +94,33 @@ class Worlds:
         at = whole_number(number, "world", -len(self), len(self) - 1) % len(self)
         if at in self.failed:
             raise MisuseError(f"world {at} has failed: {self.failed[at]}")
-        return self._fleets[at]
+        return self._worlds[at].fleet
 
     def __iter__(self) -> Iterator[SimulatedFleet]:
         """The worlds that have not failed."""
-        return iter([*self._fleets.values()])
+        return (world.fleet for world in [*self._worlds.values()])
 
     def items(self) -> list[tuple[int, SimulatedFleet]]:
         """The same with their numbers."""
-        return [*self._fleets.items()]
+        return [(number, world.fleet) for number, world in self._worlds.items()]
 
-    def _going(self) -> list[SimulatedFleet]:
+    def _going(self) -> list[KeptWorld]:
         """The worlds that have not failed. Raises MisuseError where there are none."""
-        if not self._fleets:
+        if not self._worlds:
             raise MisuseError(f"all worlds have failed, the first one: {next(iter(self.failed.values()))}")
-        return [*self]
+        return [*self._worlds.values()]
 
     def _fail(self, number: int, error: Exception) -> None:
         self.failed[number] = reason_of(error)
-        self._fleets.pop(number, None)
+        self._worlds.pop(number, None)
 
-    def _everywhere(self, act: Callable[[int, SimulatedFleet], None]) -> None:
-        """Do something in each world, on all threads; it fails where that raises anything."""
-        worlds = self.items()
+    def _everywhere(self, act: Callable[[KeptWorld], None], worlds: Sequence[tuple[int, KeptWorld]]) -> None:
+        """Do something in each of these worlds, on all threads; it fails where that raises anything."""
 
         def work(first: int, last: int) -> None:
-            for number, fleet in worlds[first:last]:
+            for number, world in worlds[first:last]:
                 try:
-                    act(number, fleet)
+                    act(world)
                 except Exception as error:
                     self._fail(number, error)
 
@@ -130,24 +136,34 @@ class Worlds:
         """
         began = self.time
         lasts = read_seconds(seconds, "cannot run for", MAX_TIME)
-        count = ceil(lasts / TOGETHER)
-        with closing(steps(count, f"{len(self._fleets):,} worlds", quiet=quiet)) as parts:
-            for part in parts:
-                self._reach(began + min(lasts, (part + 1) * TOGETHER))
+        together = TOGETHER if all(world.is_awake for world in self._worlds.values()) else IN_TURN
+        groups = 1 if together == TOGETHER else ceil(len(self._worlds) / GROUP)
+        count = ceil(lasts / together) * groups
+        with closing(steps(count, f"{len(self._worlds):,} worlds", quiet=quiet)) as parts:
+            for part, group in (divmod(number, groups) for number in parts):
+                if group == 0:
+                    worlds = [*self._worlds.items()]
+                until = began + min(lasts, (part + 1) * together)
+                self._bring(worlds[group::groups], until)
+                if group == groups - 1:
+                    self.time = until
         return self
 
     def _reach(self, time: float) -> None:
         """Let time pass everywhere until then, s."""
-
-        def act(number: int, fleet: SimulatedFleet) -> None:
-            simulator = fleet.swarm.simulator
-            tick = simulator.scenario.tick
-            left = nearest_ticks(time, tick) - simulator.tick
-            if left > 0:
-                fleet.run(left * tick, quiet=True)
-
-        self._everywhere(act)
+        self._bring([*self._worlds.items()], time)
         self.time = time
+
+    def _bring(self, worlds: Sequence[tuple[int, KeptWorld]], time: float) -> None:
+        """Let time pass in these worlds until then, s."""
+
+        def act(world: KeptWorld) -> None:
+            tick = world.length_of_tick
+            left = nearest_ticks(time, tick) - world.tick
+            if left > 0:
+                world.act(lambda fleet: fleet.run(left * tick, quiet=True))
+
+        self._everywhere(act, worlds)
 
     # ---- commands and questions
 
@@ -184,8 +200,8 @@ class Worlds:
 
     def _time_passes(self, until: float, results: Mapping[int, CommandResult]) -> None:
         tick = min(fleet.swarm.simulator.scenario.tick for fleet in self)
-        while self._fleets and self.time + tick / 2 < until:
-            if all(result.account.complete for number, result in results.items() if number in self._fleets):
+        while self._worlds and self.time + tick / 2 < until:
+            if all(result.account.complete for number, result in results.items() if number in self._worlds):
                 return
             self._reach(round(self.time + tick, 9))
 
@@ -193,24 +209,34 @@ class Worlds:
 
     def __contains__(self, number: object) -> bool:
         """Whether the world of this number goes on."""
-        return number in self._fleets
+        return number in self._worlds
 
     def values(self, expression: str) -> NDArray[np.float64]:
         """What an expression comes to on each robot now, world by world, SI, shape (robots of all worlds,); of worlds
         that have failed nothing. Raises what `fleet[...]` raises."""
-        return np.concatenate([fleet[expression] for fleet in self._going()])
+        return np.concatenate([world.look(lambda fleet: fleet[expression]) for world in self._going()])
 
     def table(self, *expressions: str) -> DataTable:
         """A row for each robot: `world`, `robot`, and a column for each expression (none: all sensors), SI."""
-        wanted = expressions or tuple(each.name for each in self._going()[0].station.vocabulary.sensors)
-        worlds = np.repeat([number for number, _ in self.items()], [len(fleet) for fleet in self])
-        robots = [name for fleet in self for name in fleet.names]
-        return DataTable.keyed({"world": worlds, "robot": robots}, {each: self.values(each) for each in wanted})
+        going = self._going()
+        wanted = expressions or going[0].look(_sensors_of)
+        found = [world.look(lambda fleet: ([*fleet.names], [fleet[each] for each in wanted])) for world in going]
+        keys: dict[str, Texts | Numbers] = {
+            "world": np.repeat([*self._worlds], [world.robots for world in going]),
+            "robot": [name for names, _ in found for name in names],
+        }
+        values = {each: np.concatenate([some[at] for _, some in found]) for at, each in enumerate(wanted)}
+        return DataTable.keyed(keys, values)
 
     def history(self, *expressions: str, every: float | str = 1.0) -> WorldHistory:
         """Sample expressions in all worlds from now on. See `SimulatedFleet.history`."""
         self._going()
-        return WorldHistory({number: fleet.history(*expressions, every=every) for number, fleet in self.items()})
+        return WorldHistory(
+            {
+                number: world.look(lambda fleet: fleet.history(*expressions, every=every))
+                for number, world in self._worlds.items()
+            }
+        )
 
     def overview(self) -> DataTable:
         """A row for each world: `world`, `seed`, `error` ("" for none), and a column for each key of `over`."""
@@ -224,8 +250,8 @@ class Worlds:
 
     def close(self) -> None:
         """Stop sampling and recording in all worlds."""
-        for fleet in self:
-            fleet.close()
+        for world in self._worlds.values():
+            world.close()
 
     def __enter__(self) -> Self:
         return self
@@ -234,8 +260,8 @@ class Worlds:
         self.close()
 
     def __repr__(self) -> str:
-        robots, failed = sum(map(len, self)), len(self.failed)
-        name = next((fleet.swarm.simulator.scenario.name for fleet in self), "no world is left")
+        robots, failed = sum(world.robots for world in self._worlds.values()), len(self.failed)
+        name = next((world.look(_name_of) for world in self._worlds.values()), "no world is left")
         return (
             f"{name}: {len(self):,} worlds with {robots:,} robots after {self.time:g} s"
             f"{f'; {failed:,} failed, the first one: {next(iter(self.failed.values()))}' if failed else ''}"
@@ -299,6 +325,14 @@ class WorldHistory:
         return f"{len(self):,} worlds, in each: {next(iter(self._histories.values()))}"
 
 
+def _sensors_of(fleet: SimulatedFleet) -> tuple[str, ...]:
+    return tuple(each.name for each in fleet.station.vocabulary.sensors)
+
+
+def _name_of(fleet: SimulatedFleet) -> str:
+    return fleet.swarm.simulator.scenario.name
+
+
 def _joined(tables: Mapping[int, DataTable]) -> DataTable:
     """Tables with the same columns as one, with the number of each before."""
     worlds = np.repeat([*tables], [len(table) for table in tables.values()])
@@ -346,8 +380,8 @@ def open_many(
     The rest: see `open`.
     """
 
-    def with_payload(plan: WorldPlan) -> SimulatedFleet:
-        return open(
+    def with_payload(plan: WorldPlan) -> KeptWorld:
+        fleet = open(
             scenario,
             seed=plan.seed,
             robots=robots,
@@ -357,6 +391,7 @@ def open_many(
             mission=mission,
             threads=1,
         )
+        return KeptWorld(fleet, None)
 
     at_once = cores() if threads is None else whole_number(threads, "threads", 1, MAX_THREADS)
     added = isinstance(robots, type | str)
@@ -376,7 +411,7 @@ class _Opener:
         self._point: tuple[Mapping[str, object], ScenarioOfSeeds] | None = None
         self._common: Common | None = None
 
-    def opened(self, plan: WorldPlan) -> SimulatedFleet:
+    def opened(self, plan: WorldPlan) -> KeptWorld:
         """A world. Raises what `open` raises."""
         if self._point is None or self._point[0] is not plan.over:
             changes = replace(self._changes, over=changed(plan.over))
@@ -384,7 +419,8 @@ class _Opener:
         scenario = self._point[1][plan.seed]
         if self._common is None or not self._common.suits(scenario):
             self._common = Common(scenario)
-        return opened(scenario, plan.seed, mission=self._mission, threads=1, common=self._common)
+        start = WorldStart(scenario, plan.seed, self._mission, self._common)
+        return KeptWorld(start.opened(), start)
 
 
 def _plans(seeds: int | Iterable[int], over: Mapping[str, object]) -> list[WorldPlan]:

@@ -11,7 +11,8 @@ import zlib
 from collections.abc import Mapping
 from contextlib import suppress
 from math import prod
-from typing import TYPE_CHECKING, TypeVar
+from threading import Lock
+from typing import TYPE_CHECKING, TypeVar, cast
 
 import msgspec
 
@@ -156,9 +157,22 @@ def unpack(kind: type[Body], data: bytes, most: int, name: str) -> Body:
     if len(plain) > UNCOUNTED and not _has_at_most(plain, most // BYTES_PER_VALUE):
         raise SerialError(f"{name} has more than {most // BYTES_PER_VALUE} values")
     try:
-        return msgspec.msgpack.decode(plain, type=kind)
+        return _decoder(kind).decode(plain)
     except UNREADABLE as error:
         raise SerialError(f"{name}: {error}") from None
+
+
+_decoders: dict[type[msgspec.Struct], msgspec.msgpack.Decoder[msgspec.Struct]] = {}
+_making = Lock()
+
+
+def _decoder(kind: type[Body]) -> msgspec.msgpack.Decoder[Body]:
+    """What reads this kind of body. One thread alone makes it: msgspec crashes where two make it find out at the same
+    time what is in a struct."""
+    with _making:
+        if kind not in _decoders:
+            _decoders[kind] = msgspec.msgpack.Decoder(kind)
+        return cast("msgspec.msgpack.Decoder[Body]", _decoders[kind])
 
 
 def _has_at_most(plain: bytes, most: int) -> bool:

@@ -396,6 +396,13 @@ class EvaluationLog:
         self.since: float | None = None
         """The time (s) of the snapshot that the fleet was resumed from: inputs of earlier commands are not
         available."""
+        self._earlier: Callable[[], EvaluationLog] | None = None
+        """What gives those of earlier commands, once somebody asks."""
+
+    def begin_after(self, earlier: Callable[[], EvaluationLog]) -> None:
+        """Have only what another log has until now, which `earlier` gives once somebody asks."""
+        self._entries.clear()
+        self._bytes, self.since, self._earlier = 0, None, earlier
 
     def remember(self, program: Program, rows: Rows, command: str) -> LogEntry:
         """Store the inputs of a command that these robots are about to evaluate."""
@@ -446,6 +453,13 @@ class EvaluationLog:
 
     def find(self, robot: int, command: str | None) -> LogEntry | None:
         """The entry of a command (None: the last one) that a robot has evaluated."""
+        if self._earlier is not None:
+            earlier, self._earlier = self._earlier(), None
+            self._entries[:0] = earlier._entries
+            self._bytes += earlier._bytes
+            while len(self._entries) > MAX_ENTRIES:
+                self._drop()
+            self._bound()
         for entry in reversed(self._entries):
             if (command is None or entry.command == command) and entry.index_of(robot) is not None:
                 return entry

@@ -25,6 +25,8 @@ from sleepcast.core.serial import UNREADABLE, SerialError, compressed, plain, ro
 from sleepcast.core.version import VERSION
 from sleepcast.fleet import snapshot as fleets
 from sleepcast.fleet.schema import FleetSnapshot
+from sleepcast.fleet.state import MindTable
+from sleepcast.loop.mission import readable
 from sleepcast.loop.swarm import MAX_MINDS, Desk, Swarm
 from sleepcast.simulator import Order
 from sleepcast.simulator import snapshot as simulators
@@ -148,7 +150,7 @@ def copy_of(swarm: Swarm, *, desk: Desk | None = None) -> SwarmCopy:
             "swarm be kept so that it goes on as it would have"
         )
     robots = len(swarm.fleet)
-    parts = (simulators.state_of(swarm.simulator), fleets.state_of(swarm.fleet), swarm.radio.state(), _loop_of(swarm))
+    parts = (simulators.state_of(swarm.simulator), fleets.state_of(swarm.fleet), swarm.radio.state(), loop_state(swarm))
     try:
         copies = [plain(part, room_for(robots)) for part in parts]
         desks = [] if desk is None else [desk, *swarm.others]
@@ -157,7 +159,7 @@ def copy_of(swarm: Swarm, *, desk: Desk | None = None) -> SwarmCopy:
         raise SnapshotLostError(f"the swarm does not fit into a snapshot: {error}") from None
 
 
-def _loop_of(swarm: Swarm) -> LoopState:
+def loop_state(swarm: Swarm) -> LoopState:
     wanted = [_wanted(order) for order in swarm.mission]
     given = [GivenOrder(_plain(order), _wanted(order), number) for order, number in swarm.given]
     orders = [_plain(order) for order in swarm.mission]
@@ -272,15 +274,23 @@ def _resumed(document: SnapshotFile, seed: int | None, threads: int | None) -> S
         raise SerialError(f"more than {MAX_ORDERS} orders")
     if not abs(loop.rest) <= 0.5:
         raise SerialError(f"{loop.rest} of a tick left over, wanted half of one at most")
-    simulator = simulators.resume(state, seed, threads)
+    swarm = Swarm(simulators.resume(state, seed, threads))
+    go_on(swarm, fleet, radio, loop)
+    return swarm
+
+
+def go_on(
+    swarm: Swarm, fleet: FleetSnapshot, radio: RadioState, loop: LoopState, minds: MindTable | None = None
+) -> None:
+    """Let a swarm go on whose bodies go on already. minds: if they are not in the state of the fleet. Raises
+    SerialError."""
     wanted = loop.wanted or [[] for _ in loop.orders]
-    swarm = Swarm(simulator, [_order(*each) for each in zip(loop.orders, wanted, strict=True)])
+    swarm.mission = [readable(_order(*each)) for each in zip(loop.orders, wanted, strict=True)]
     swarm.given = [(_order(each.order, each.wanted), each.id) for each in loop.given]
-    fleets.restore(swarm.fleet, fleet, simulator.time)
-    swarm.radio.restore(radio, simulator.names)
+    fleets.restore(swarm.fleet, fleet, swarm.now(), minds)
+    swarm.radio.restore(radio, swarm.simulator.names)
     swarm.posted.extend(loop.posted)
     swarm.carried.rest = loop.rest
-    return swarm
 
 
 def _order(plain: tuple[float, str, str], wanted: list[tuple[str, int, str]]) -> Order:

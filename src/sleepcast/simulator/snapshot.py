@@ -45,7 +45,7 @@ from sleepcast.simulator.scenario.starts import MAX_STARTS, SLACK, Formation, St
 from sleepcast.simulator.scenario.stocks import MAX_STOCKS
 from sleepcast.simulator.simulation import Simulator
 from sleepcast.simulator.sonar.firing import AT_ONCE, Firing
-from sleepcast.simulator.world.world import Shape
+from sleepcast.simulator.world.world import Shape, World
 
 MAX_WORDS = 16_384
 """Longest text spoken by a robot, characters: what one message holds."""
@@ -54,7 +54,8 @@ MAX_WORDS = 16_384
 class SimulatorState(msgspec.Struct):
     """A simulator between two ticks.
 
-    scenario, things: as `packing` writes them
+    scenario, things: as `packing` writes them; neither where whoever goes on has the scenario, and nothing solid has
+        changed since the start
     following: the number that the next solid thing gets
     said: time (s), robot and text
     measures: see `Measuring.state`
@@ -78,10 +79,14 @@ class Things:
     shapes: tuple[Shape, ...]
 
 
-def state_of(simulator: Simulator) -> SimulatorState:
-    """The state of the simulator between two ticks."""
+def state_of(simulator: Simulator, *, whole: bool = True) -> SimulatorState:
+    """The state of the simulator between two ticks. whole: with its scenario."""
     world = simulator.world
-    scenario, things = _packed(simulator)
+    if whole:
+        scenario, things = _packed(simulator)
+    else:
+        as_built = world.version == len(simulator.scenario.shapes)  # each of which has changed it once
+        scenario, things = b"", b"" if as_built else _things(world)
     return SimulatorState(
         scenario,
         simulator.seed,
@@ -104,9 +109,13 @@ def _packed(simulator: Simulator) -> tuple[bytes, bytes]:
     known = _PACKED.get(simulator)
     if known is None or known[0] != world.version:
         scenario = pack(simulator.scenario) if known is None else known[1]
-        known = (world.version, scenario, pack(Things(tuple(world.shapes), tuple(world.shapes.values()))))
+        known = (world.version, scenario, _things(world))
         _PACKED[simulator] = known
     return known[1], known[2]
+
+
+def _things(world: World) -> bytes:
+    return pack(Things(tuple(world.shapes), tuple(world.shapes.values())))
 
 
 def resume(state: SimulatorState, seed: int | None = None, threads: int | None = None) -> Simulator:
@@ -116,6 +125,12 @@ def resume(state: SimulatorState, seed: int | None = None, threads: int | None =
         if not low <= number <= high:
             raise SerialError(f"a seed or tick {number} that does not lie in {low}..{high}")
     simulator = Simulator(scenario, state.seed if seed is None else seed, threads=threads)
+    restore(simulator, state)
+    return simulator
+
+
+def restore(simulator: Simulator, state: SimulatorState) -> None:
+    """Let a new simulator of the same scenario continue from `state`. Raises SerialError."""
     bodies = simulator.bodies
     bodies.tick = state.tick
     for number, ring in enumerate(bodies.rings):
@@ -123,11 +138,8 @@ def resume(state: SimulatorState, seed: int | None = None, threads: int | None =
             ring.part()
     load_arrays(state.columns, bodies.arrays() | simulator.senses.arrays())
     _check(simulator)
-    try:
-        things = unpack(Things, state.things)
-        simulator.world.fill(dict(zip(things.numbers, things.shapes, strict=True)), state.following)
-    except (ValueError, SleepcastError) as error:
-        raise SerialError(f"what stands in the world: {error}") from None
+    if state.things or state.scenario:
+        _fill(simulator.world, state)
     if len(state.said) > MAX_SAYINGS:
         raise SerialError(f"{len(state.said)} sayings, at most {MAX_SAYINGS} are kept")
     for time, robot, text in state.said:
@@ -136,7 +148,14 @@ def resume(state: SimulatorState, seed: int | None = None, threads: int | None =
         simulator.sayings.append(Saying(time, robot, text))
     simulator.measuring.restore(state.measures)
     bodies.forget()
-    return simulator
+
+
+def _fill(world: World, state: SimulatorState) -> None:
+    try:
+        things = unpack(Things, state.things)
+        world.fill(dict(zip(things.numbers, things.shapes, strict=True)), state.following)
+    except (ValueError, SleepcastError) as error:
+        raise SerialError(f"what stands in the world: {error}") from None
 
 
 def _check(simulator: Simulator) -> None:

@@ -18,7 +18,7 @@ from typing import Any
 
 import pytest
 
-from cli.calling import LONGEST, called
+from cli.calling import LONGEST, called, called_warm
 from cli.terminal import terminal
 from console.running import Program, open_page
 from sleepcast.api import progress
@@ -425,3 +425,14 @@ def test_the_scene_is_the_scenario() -> None:
     assert [command.text for command in scene.commands] == [command.text.strip() for command in scenario.commands]
     for command in scene.commands:
         assert station.check(command.text).findings == ()
+
+
+def test_a_run_says_once_what_robots_sense_through_walls_for_its_format(tmp_path: Path) -> None:
+    more = '\n[world.rooms]\nsize = "400m"\ndoor = "9m"\n\n[pings]\nreach = "9m"\n\n[neighbours]\nreach = "9m"\n'
+    file = write(tmp_path, more=more)
+    first = called_warm("run", str(file), "--seconds", "1", "--json")
+    assert first.err == (
+        f"{file} is of format 1: robots sense pings and neighbours through walls. With format = 2 walls hide them\n"
+    )
+    write(tmp_path, ("format = 1", "format = 2"), more=more)
+    assert called_warm("run", str(file), "--seconds", "1", "--json").err == ""

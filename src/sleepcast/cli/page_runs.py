@@ -149,6 +149,8 @@ class PageRuns:
         else:
             tell("Reading the scenario")
             scenario = self._scenario(request)
+            if scenario.sees_through_walls and not self._made:
+                complain(scenario.sees_through_walls)
             tell(f"Placing {scenario.robots.count:,} robots")
             swarm, station = assemble(
                 scenario, request.seed, mission=False, threads=beginning.threads, journal=beginning.journal

@@ -13,7 +13,7 @@ import click
 
 from sleepcast.cli.interrupts import INTERRUPTED, TERMINATED, Interrupts, Terminated, end_now
 from sleepcast.cli.options import SEED, ByteSize, NumberRange, QuantityType, alert_option, allow_host_option
-from sleepcast.cli.streams import announce, put
+from sleepcast.cli.streams import announce, complain, put
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.units import TIME
 
@@ -298,6 +298,8 @@ def _beginning(name: str | None, options: Options) -> Callable[[], tuple[Swarm, 
         from sleepcast.simulator import find_scenario
 
         scenario = find_scenario(name, _changes(options))
+        if scenario.sees_through_walls:
+            complain(scenario.sees_through_walls)
 
         def begin() -> tuple[Swarm, Station]:
             warm_up(scenario, threads, quiet=options["quiet"])

@@ -25,8 +25,9 @@ from sleepcast.simulator.sonar import cones, noise
 from sleepcast.simulator.sonar.cones import Ranges, Seen, VisibleScene
 from sleepcast.simulator.sonar.firing import Firing, Tick, fire
 from sleepcast.simulator.sonar.noise import Noise, SonarReceiver
-from sleepcast.simulator.world import grid
+from sleepcast.simulator.world import grid, sight
 from sleepcast.simulator.world.grid import CellLists, Floats, Grid, Sorted, Whole
+from sleepcast.simulator.world.sight import Flags, SightLines
 
 MAX_THREADS = 64
 """Most threads of one backend: beyond that, memory bandwidth is the limit."""
@@ -42,8 +43,8 @@ FROM_PAIRS = "NumPy finds what robots sense of their neighbours from pairs"
 
 
 class Machine(Protocol):
-    """An array backend; the functions of the same names in `grid`, `cones`, `steps` and `noise` say what each method
-    does."""
+    """An array backend; the functions of the same names in `grid`, `sight`, `cones`, `steps` and `noise` say what each
+    method does."""
 
     @property
     def name(self) -> str: ...
@@ -78,6 +79,8 @@ class Machine(Protocol):
 
     def shown(self, near: int, quantity: int, row: int, robots: Whole, others: Floats, reach: float, /) -> Floats:
         """A quantity of one other robot for each robot: see `kernels_neighbours.show_many`."""
+
+    def hidden(self, lines: SightLines, x: Floats, y: Floats, to_x: Floats, to_y: Floats, /) -> Flags: ...
 
     def in_sight(self, listed: CellLists, solids: Floats, /) -> Seen:
         """These rows of `solids` in the form that `ranges` and `hear` expect."""
@@ -130,6 +133,7 @@ class NumPyMachine:
     sort = staticmethod(grid.sort)
     candidates = staticmethod(grid.candidates)
     pairs = staticmethod(grid.pairs)
+    hidden = staticmethod(sight.hidden)
     ranges = staticmethod(cones.ranges)
     look = staticmethod(cones.look)
     propose = staticmethod(steps.propose)

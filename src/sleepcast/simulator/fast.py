@@ -28,6 +28,7 @@ from sleepcast.simulator.sonar.fields import SPAN, Fields, Shots, beam_of, one_o
 from sleepcast.simulator.sonar.firing import Firing, Tick
 from sleepcast.simulator.sonar.noise import Noise, SonarReceiver
 from sleepcast.simulator.world.grid import CellLists, Floats, Grid, Short, Sorted, Whole
+from sleepcast.simulator.world.sight import SightLines
 from sleepcast.simulator.world.walls import Walls, walls_of
 
 Result = TypeVar("Result")
@@ -36,6 +37,7 @@ Flags: TypeAlias = NDArray[np.bool_]
 kernels, kernels_motion = CachedKernels("sonar.kernels"), CachedKernels("motion.kernels_motion")
 kernels_firing, kernels_sonar = CachedKernels("sonar.kernels_firing"), CachedKernels("sonar.kernels_sonar")
 kernels_neighbours = CachedKernels("neighbours.kernels_neighbours")
+kernels_sight = CachedKernels("world.kernels_sight")
 wait = CachedKernels("simd.kernels_wait").wait
 
 ALONE = 5_000
@@ -179,6 +181,17 @@ class NumbaMachine:
     def shown(self, near: int, quantity: int, row: int, robots: Whole, others: Floats, reach: float) -> Floats:
         found = np.empty(len(robots))
         kernels_neighbours.show_many(near, quantity, row, robots, others, reach, found)
+        return found
+
+    def hidden(self, lines: SightLines, x: Floats, y: Floats, to_x: Floats, to_y: Floats) -> Flags:
+        found = np.zeros(len(x), np.bool_)
+        ends = [np.ascontiguousarray(each, np.float64) for each in (x, y, to_x, to_y)]
+
+        def work(first: int, last: int) -> None:
+            kernels_sight.hide(lines.address, *ends, first, last, found)
+
+        if lines:
+            self._share(len(x), work, CROWDED)
         return found
 
     def in_sight(self, listed: CellLists, solids: Floats) -> Walls:

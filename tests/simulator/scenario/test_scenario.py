@@ -69,7 +69,7 @@ MISTAKES = [
     ('motion = "still"', 'motion = "wonder"', 19, "robots.motion", "(did you mean wander?)"),
     ("seed = 3", "seed = -3", 6, "seed", "wanted a whole number from 0 to"),
     ("seed = 3", "sed = 3", 6, "sed", "unknown key (did you mean seed?)"),
-    ("format = 1", "format = 2", 2, "format", "format 2 is newer than this sleepcast, which reads format 1"),
+    ("format = 1", "format = 3", 2, "format", "format 3 is newer than this sleepcast, which reads format 2"),
     ("format = 1\n", "", 1, "format", "is missing"),
     ('x = "500m"', 'x = "5km"', 13, "places.house.x", 'from 0km to 1km, not "5km"'),
     ("[places.house]", "[places.2nd]", 12, "places.2nd", '"2nd" is no name'),

@@ -29,13 +29,11 @@ from sleepcast.core.settings import SettingsError, Table, read_text, toml_docume
 from sleepcast.core.units import LENGTH
 from sleepcast.robot import Corners
 from sleepcast.simulator.scenario.robot_settings import INCH, MAX_WORLD, TENTH
-from sleepcast.simulator.scenario.scenario import FILE
+from sleepcast.simulator.scenario.scenario import FILE, FORMAT
 from sleepcast.simulator.scenario.world_settings import MAX_POINTS, MAX_SHAPES, Changes, read_world
 from sleepcast.simulator.world.ros_map import read_map
 from sleepcast.simulator.world.world import Point, Polygon, Shape, shifted
 
-FORMAT = 1
-"""Version of the format of worlds; files of a newer one are refused."""
 MAX_NOMADS = 1_000
 """Robots behind one server: each is queried, and answers, separately."""
 CELL = 24 * INCH

@@ -26,6 +26,7 @@ from sleepcast.core.arrays import count_up, filled
 from sleepcast.core.counter_rng import GOLDEN, key, mix, uniform
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.model import Quantity
+from sleepcast.simulator.bodies.line_of_sight import LineOfSight
 from sleepcast.simulator.bodies.proximity import Bumpers, Neighbours, SonarGroups, Sonars, StartError, least_cell, reach
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.motion.driving import DRIVE, GOTO, WANDER, laws_of
@@ -160,6 +161,7 @@ class Bodies:
         self.swing, self.roaming = np.zeros(self.count), np.zeros(self.count)
         self.stopped, self.held = np.zeros(self.count, bool), np.zeros(self.count, bool)
         self.machine, self.laws = machine, laws_of(scenario)
+        self.sight = LineOfSight(scenario, self.world, machine, (self.x, self.y), self.radii)
         self.parts = [self._part(*each) for each in zip(specs, self.of_each_type, strict=True)] if specs[1:] else [self]
         """The bodies of each robot type: views of these arrays, with the parameters of that type."""
         size, cones = (scenario.width, scenario.height), [self._cones(spec) for spec in specs]
@@ -304,6 +306,7 @@ class Bodies:
     def forget(self) -> None:
         """Invalidate the spatial index and the sonar readings: bodies have moved."""
         self.near.forget()
+        self.sight.forget()
         if self.sonars:
             self.sonars.forget()
 

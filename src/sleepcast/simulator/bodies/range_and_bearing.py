@@ -3,7 +3,7 @@
 A robot with a range-and-bearing sensor measures where its neighbours are relative to itself. The functions here turn
 that into its own frame of reference, which is its sensed position and heading, errors included. It senses nothing
 beyond the reach of its sensor. A colour or a number that a robot shares in one tick is seen in the next one, so that
-no result depends on the order of the robots. Walls do not hide neighbours.
+no result depends on the order of the robots. Walls hide neighbours if the scenario says so.
 """
 
 from __future__ import annotations
@@ -61,6 +61,7 @@ from sleepcast.simulator.simd.addresses import addresses
 from sleepcast.simulator.simd.formulas import arc_tangent, rotated, shortest, sine_cosine, wrap
 from sleepcast.simulator.sonar.noise import deviates
 from sleepcast.simulator.world.grid import Grid, Sorted, Whole
+from sleepcast.simulator.world.sight import SightLines
 from sleepcast.simulator.world.torus import Images
 
 MAX_PAIRS = 1 << 20
@@ -99,7 +100,9 @@ class RangeAndBearing:
         self._shared[COLOUR] = 0.0
         self._set: Floats = self._shared.copy()
         tables = (bodies.x, bodies.y, bodies.heading, *bodies.sensed[:3], self._shared, self._set)
-        self._near = Neighbourhood(bodies.scenario, model, bodies.seed, BodyTables(*tables))
+        self._hides = bodies.scenario.sight.neighbours
+        sight = bodies.sight.walls if self._hides else SightLines((bodies.scenario.width, bodies.scenario.height))
+        self._near = Neighbourhood(bodies.scenario, model, bodies.seed, BodyTables(*tables), sight)
         self._reach = min(model.reach, bodies.scenario.width + bodies.scenario.height)
         self._sorted: dict[float, tuple[Grid, Sorted, Images]] = {}
         """All bodies in cells as large as the greatest radius asked for, by that radius."""
@@ -119,8 +122,18 @@ class RangeAndBearing:
         code = None if self._near.chancy or not self._bodies.machine.compiles else addresses()
         return None if code is None else (code["begin"], self._near.address)
 
+    def keep_up(self) -> None:
+        """Take over what has changed in the world, also between two ticks."""
+        if self._hides:
+            self._bodies.sight.keep_up()
+            if self._near.keep_up():
+                self._recent.clear()
+                self._listed.clear()
+                self._measured = None
+
     def forget(self) -> None:
         """Bodies have moved."""
+        self.keep_up()
         self._near.step(self._bodies.tick)
         self._sorted.clear()
         self._recent.clear()
@@ -189,6 +202,7 @@ class RangeAndBearing:
         bodies.sense(np.flatnonzero(asking), sonars=False)
         row = [*SHOWN, *self._model.shares].index(field) - len(SHOWN) + 1
         if bodies.machine.compiles:
+            self.keep_up()
             near, quantity = self._near.begin(bodies.tick), _QUANTITIES.get(field, VALUE)
             return bodies.machine.shown(near, quantity, max(row, COLOUR), robots, others, self._reach)
         found = np.full(robots.size, np.nan)
@@ -223,6 +237,7 @@ class RangeAndBearing:
 
     def _query(self, robots: Whole, radius: Floats, *colour: Floats) -> _NeighbourQuery:
         """What is asked for. colour: of the neighbours that count, one for each robot; none: all count."""
+        self.keep_up()
         radius = np.clip(radius, 0.0, self._reach)
         return _NeighbourQuery(robots, radius, colour[0] if colour else np.full(robots.size, np.nan))
 
@@ -238,6 +253,7 @@ class RangeAndBearing:
         code = addresses()
         if code is None or arguments[0] is None:
             return None
+        self.keep_up()
         radius = np.clip(np.array([arguments[0]]), 0.0, self._reach)
         vicinity = self._near.keep(_reach_of(radius), turning=formula.quantity == HEADING)
         if vicinity is None:
@@ -333,6 +349,10 @@ class RangeAndBearing:
         if model.loss:
             drawn = uniform(key(bodies.seed, LOST, bodies.tick), _tokens(other, first))
             sensed &= drawn >= model.loss
+        if self._hides:
+            asked = np.flatnonzero(sensed)
+            seen = other[asked]
+            sensed[asked] = ~bodies.sight.behind_walls(first[asked], bodies.x[seen], bodies.y[seen])
         pairs = Pairs(query.robots, query.radius, robot, other, dx, dy, away)
         if not sensed.all():
             pairs, first = pairs.where(sensed), first[sensed]

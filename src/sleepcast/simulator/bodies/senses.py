@@ -1,10 +1,10 @@
 """What robots sense of lights, of pings, of their neighbours, of stocks and of fields, tick by tick.
 
-A ping sent in one tick is received in the next one, by every robot in reach except its sender; each of them may miss
-it at random. It is stored with its range and bearing of that moment in the receiver's queue; in each tick one ping
-is taken from the queue and presented for that tick. Pings that arrive together are queued in a random order for each
-receiver, drawn from the numbers of the tick, the sender and the receiver, so that low robot numbers have no
-advantage.
+A ping sent in one tick is received in the next one, by every robot in reach except its sender, unless something hides
+it, as the scenario says; each of them may miss it at random. It is stored with its range and bearing of that moment in
+the receiver's queue; in each tick one ping is taken from the queue and presented for that tick. Pings that arrive
+together are queued in a random order for each receiver, drawn from the numbers of the tick, the sender and the
+receiver, so that low robot numbers have no advantage.
 """
 
 from __future__ import annotations
@@ -100,6 +100,11 @@ class Senses:
         begin = self._near.beginning()
         return None if begin is None else [begin]
 
+    def keep_up(self) -> None:
+        """The world has changed: let native code know what hides neighbours."""
+        if self._near is not None:
+            self._near.keep_up()
+
     def begun(self) -> None:
         """Ticks were begun by those functions."""
         if self._near is not None:
@@ -122,14 +127,20 @@ class Senses:
         return {name: each for sense in senses if sense for name, each in sense.arrays().items()}
 
     def _look(self) -> None:
-        """Update flag, range and bearing of the nearest light in reach, for robots with a light sensor."""
-        bodies, sees, around = self._bodies, self._sees, self._bodies.scenario.around
+        """Update flag, range and bearing of the nearest light that is in reach and not hidden, for robots with a light
+        sensor."""
+        bodies, sees = self._bodies, self._sees
+        around, sight = bodies.scenario.around, bodies.scenario.sight
         x, y, heading = bodies.x[sees], bodies.y[sees], bodies.heading[sees]
         flags, ranges, bearings = np.zeros(sees.size), np.full(sees.size, np.nan), np.full(sees.size, np.nan)
         for light in bodies.scenario.lights:
             dx, dy = shortest(light.x - x, around[0]), shortest(light.y - y, around[1])
             away = np.sqrt(dx * dx + dy * dy)
             nearest = (away <= light.reach) & ~(ranges <= away)
+            if sight.lights or sight.bodies_hide:
+                may = np.flatnonzero(nearest)
+                place = np.full(may.size, light.x), np.full(may.size, light.y)
+                nearest[may] = ~bodies.sight.hidden(sees[may], *place, walls=sight.lights)
             flags[nearest] = 1.0
             ranges[nearest] = away[nearest]
             bearings[nearest] = bearing(dx, dy, heading)[nearest]
@@ -211,7 +222,7 @@ class _PingReceiver:
 
     def _hear_block(self, images: Images, points: Sorted, caste: Floats, hearers: NDArray[np.intp]) -> None:
         """Queue pings at one block of receivers, each in a random order, at most one queue length each."""
-        bodies, model = self._bodies, self._model
+        bodies, model, sight = self._bodies, self._model, self._bodies.scenario.sight
         hearers, sources = pairs(self._cells.grid, points, images.x, images.y, self._reach, hearers)
         dx, dy = images.x[sources] - images.x[hearers], images.y[sources] - images.y[hearers]
         sources = images.whose(sources)
@@ -220,6 +231,11 @@ class _PingReceiver:
         heard = away <= model.reach
         if model.loss:
             heard &= uniform(key(bodies.seed, "ping lost", bodies.tick), tokens) >= model.loss
+        if sight.pings or sight.bodies_hide:
+            may = np.flatnonzero(heard)
+            their = sources[may]
+            place = bodies.x[their], bodies.y[their]
+            heard[may] = ~bodies.sight.hidden(hearers[may], *place, walls=sight.pings, senders=their)
         turn = uniform(key(bodies.seed, "ping order", bodies.tick), tokens)
         chosen_pairs = np.flatnonzero(heard)
         chosen_pairs = chosen_pairs[np.lexsort((sources[chosen_pairs], turn[chosen_pairs], hearers[chosen_pairs]))]

@@ -32,7 +32,7 @@ from sleepcast.simulator.neighbours.neighbourhood import (
     TOTAL,
     VALUE,
 )
-from sleepcast.simulator.simd.compiled import part, strict
+from sleepcast.simulator.simd.compiled import part, strict, woven
 from sleepcast.simulator.simd.formulas import LANES, arc_tangent, sine_cosine, square_within, wrap
 from sleepcast.simulator.simd.lanes import (
     long_at,
@@ -49,6 +49,7 @@ from sleepcast.simulator.simd.lanes import (
 )
 from sleepcast.simulator.simd.vectors import either, how_many, places
 from sleepcast.simulator.sonar.kernels import GOLDEN, U, cells_around, deviate, mixed
+from sleepcast.simulator.world import kernels_sight
 
 I = np.int32  # noqa: E741  # as short as U
 AT_ONCE = 128
@@ -78,6 +79,7 @@ ROOM = (AT_ONCE + LANES) // 2
     COSINE,
     SINE,
     TURNING,
+    SIGHT,
     VICINITIES,
     FIRST,
 ) = map(int, neighbourhood.Near)
@@ -98,6 +100,7 @@ ROOM = (AT_ONCE + LANES) // 2
     SORTED_WHOSE,
     SORTED_X,
     SORTED_Y,
+    WALLS,
 ) = map(int, neighbourhood.Of)
 
 
@@ -267,6 +270,11 @@ def show_many(near, quantity, row, robots, others, reach, found):
         away = sqrt(dx * dx + dy * dy)
         if away > reach:
             continue
+        if long_at(long_at(near, SIGHT), kernels_sight.COUNT) > 0:
+            own_x, own_y, seen_x, seen_y = real_at(x, robot), real_at(y, robot), real_at(x, other), real_at(y, other)
+            seen_x, seen_y = unrolled(own_x, seen_x, width), unrolled(own_y, seen_y, height)
+            if kernels_sight.hidden(long_at(near, SIGHT), own_x, own_y, seen_x, seen_y):
+                continue
         if loss > 0.0 or noise > 0.0:
             multiple = ((U(other) << U(32)) + U(robot)) * GOLDEN
             if loss > 0.0 and float(mixed(multiple, U(long_at(near, LOST_KEY))) >> U(11)) * 2.0**-53 < loss:
@@ -403,6 +411,7 @@ def gather(vicinity, quantity, fold, row, robot, within, colour, middle_x, middl
     least = within if within < reach * reach else reach * reach
     plain = not coloured and loss == 0.0
     measured = noise > 0.0 or quantity == AWAY or fold == NEAREST
+    veiled = long_at(long_at(near, SIGHT), kernels_sight.COUNT) > 0
     found, other_found, count, best = 0.0, 0.0, 0.0, -inf
     line, high, left, right = cells_around(own_x, own_y, size, columns, long_at(vicinity, ROWS), reach)
     room, k = stack_room(ROOM), np.int64(whole_at(start, line * columns + left))
@@ -421,6 +430,8 @@ def gather(vicinity, quantity, fold, row, robot, within, colour, middle_x, middl
             if k == stop:
                 line += 1
                 k = np.int64(whole_at(start, min(line, high - 1) * columns + left))
+        if veiled and taken > 0:
+            taken = visible(vicinity, near, robot, least, room, taken)
         if plain and quantity == ONE and fold == TOTAL:
             found, count = found + float(taken), count + float(taken)
             continue
@@ -484,3 +495,64 @@ def gather(vicinity, quantity, fold, row, robot, within, colour, middle_x, middl
                 if key > best:
                     found, best = value, key
     return found, other_found, count, best
+
+
+@part
+def visible(vicinity, near, robot, within, room, taken):
+    """Keep those of so many points in a room that nothing hides from a robot; gives their number. within: the square of
+    how far they are away at most."""
+    x, y, walls = (
+        real_at(long_at(near, PLACE_X), robot),
+        real_at(long_at(near, PLACE_Y), robot),
+        long_at(vicinity, WALLS),
+    )
+    if walls == 0:
+        return walked(vicinity, near, x, y, room, taken)
+    solids, items = long_at(walls, kernels_sight.SOLIDS), long_at(walls, kernels_sight.ITEMS)
+    first, last = kernels_sight.items_of(walls, kernels_sight.cell_of(walls, x, y))
+    for index in range(first, last):
+        at = 5 * np.int64(whole_at(items, index))
+        if not kernels_sight.beyond(solids, at, x, y, within):
+            taken = unhidden(vicinity, near, solids, at, x, y, room, taken)
+    return taken
+
+
+@part
+def unhidden(vicinity, near, solids, at, x, y, room, taken):
+    """Keep those of so many points in a room that one solid does not hide from x, y; gives their number."""
+    kept = 0
+    for index in range(taken):
+        point = whole_at(room, index)
+        seen_x, seen_y = place_of(vicinity, near, x, y, np.int64(point))
+        put_whole(room, kept, point)
+        kept += not kernels_sight.crossed(solids, at, x, y, seen_x, seen_y)
+    return kept
+
+
+@part
+def walked(vicinity, near, x, y, room, taken):
+    """The same of all solids, along the cells between."""
+    kept = 0
+    for index in range(taken):
+        point = whole_at(room, index)
+        seen_x, seen_y = place_of(vicinity, near, x, y, np.int64(point))
+        put_whole(room, kept, point)
+        kept += not kernels_sight.hidden(long_at(near, SIGHT), x, y, seen_x, seen_y)
+    return kept
+
+
+@woven
+def place_of(vicinity, near, x, y, point):
+    """Where a sorted point is seen from x, y, in the world's frame."""
+    if not long_at(near, TORUS):
+        return real_at(long_at(vicinity, SORTED_X), point), real_at(long_at(vicinity, SORTED_Y), point)
+    other = np.int64(whole_at(long_at(vicinity, SORTED_WHOSE), point))
+    seen_x, seen_y = real_at(long_at(near, PLACE_X), other), real_at(long_at(near, PLACE_Y), other)
+    return unrolled(x, seen_x, real_at(near, WIDTH)), unrolled(y, seen_y, real_at(near, HEIGHT))
+
+
+@part
+def unrolled(place, seen, around):
+    """See `sight.unrolled`."""
+    way, half = seen - place, around / 2.0
+    return seen - around if way > half else (seen + around if way < -half else seen)

@@ -19,6 +19,7 @@ from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.signals import NeighbourModel
 from sleepcast.simulator.simd.formulas import LANES, square_within
 from sleepcast.simulator.world.grid import Floats
+from sleepcast.simulator.world.sight import SightLines, SolidsByCell
 from sleepcast.simulator.world.torus import PLAIN, Cells, cells_over
 
 # What a neighbour is asked for.
@@ -81,9 +82,11 @@ class Near(IntEnum):
     SINE = 20
     TURNING = 21
     """Whether cosines and sines are wanted."""
-    VICINITIES = 22
+    SIGHT = 22
+    """Address of the table of what hides neighbours, see `sight.Lines`."""
+    VICINITIES = 23
     """Vicinities to be kept up to date; their addresses follow from FIRST on."""
-    FIRST = 23
+    FIRST = 24
 
 
 class Of(IntEnum):
@@ -112,6 +115,9 @@ class Of(IntEnum):
     SORTED_WHOSE = 13
     SORTED_X = 14
     SORTED_Y = 15
+    WALLS = 16
+    """Address of the table of all solids within reach of each cell, see `sight.SightLines.around`; 0 where the walk
+    along cells takes less time."""
 
 
 LOST, ACROSS, UP = "neighbour lost", "neighbour across", "neighbour up"
@@ -158,12 +164,21 @@ class Vicinity:
         indices = (row.ctypes.data for row in self._indices)
         table[Of.WHOSE], table[Of.CELL], table[Of.ORDER], table[Of.SORTED_WHOSE] = indices
         self.address = self.table.ctypes.data
+        self._reach = reach
+        self._walls: SolidsByCell | None = None
+
+    def hide(self, sight: SightLines) -> None:
+        """Let what is solid there hide neighbours."""
+        self._walls = sight.around(self._reach) if sight else None
+        self.table[Of.WALLS] = self._walls.address if self._walls is not None else 0
 
 
 class Neighbourhood:
-    """The tables of all bodies of a scenario. seed: of the run."""
+    """The tables of all bodies of a scenario. seed: of the run; sight: what hides neighbours, if walls do."""
 
-    def __init__(self, scenario: Scenario, model: NeighbourModel, seed: int, tables: BodyTables) -> None:
+    def __init__(
+        self, scenario: Scenario, model: NeighbourModel, seed: int, tables: BodyTables, sight: SightLines
+    ) -> None:
         count = len(tables.x)
         self._scenario, self._seed, self._count = scenario, seed, count
         self._turns: Floats = np.empty((2, count))
@@ -173,6 +188,7 @@ class Neighbourhood:
         self.address = self.table.ctypes.data
         self._passing: dict[float, Vicinity] = {}
         self._kept: dict[float, Vicinity] = {}
+        self._sight, self._version = sight, sight.version
         self._arrays = (*tables, *self._turns)
         words = (
             *(Near.X, Near.Y, Near.HEADING, Near.SENSED_X, Near.SENSED_Y, Near.SENSED_HEADING),
@@ -182,12 +198,22 @@ class Neighbourhood:
             self.table[word] = array.ctypes.data
         self.table[Near.COUNT], self.table[Near.SHARES] = count, tables.shared.size
         self.table[Near.TURNED], self.table[Near.TORUS] = self.turned, scenario.around != PLAIN
+        self.table[Near.SIGHT] = sight.address
         reals = self.table.view(np.float64)
         reals[Near.WIDTH], reals[Near.HEIGHT] = scenario.around
         reals[Near.LOSS], reals[Near.NOISE] = model.loss, model.noise
         self.chancy = bool(model.loss or model.noise)
         """Whether chance has a part in what robots sense."""
         self._drawn = -1
+
+    def keep_up(self) -> bool:
+        """Take over what hides neighbours; gives whether it has changed."""
+        if self._version == self._sight.version:
+            return False
+        self._version = self._sight.version
+        for vicinity in (*self._kept.values(), *self._passing.values()):
+            vicinity.hide(self._sight)
+        return True
 
     def step(self, tick: int) -> None:
         """Bodies have moved."""
@@ -237,7 +263,9 @@ class Neighbourhood:
                 vicinity.table[Of.STALE] = 1
 
     def _made(self, reach: float) -> Vicinity:
-        return Vicinity(self, self._count, cells_of(self._scenario, self._count, reach), reach)
+        made = Vicinity(self, self._count, cells_of(self._scenario, self._count, reach), reach)
+        made.hide(self._sight)
+        return made
 
 
 MAX_RECENT = 4

@@ -267,6 +267,7 @@ class BodyBlock:
         bodies = self._bodies
         if self._version != bodies.world.version:
             self._version = bodies.world.version
+            self._simulator.senses.keep_up()
             self._fill()
         self.words[words.TICK] = bodies.tick
         self.words[words.SORTED] = bodies.near.knows(self._points)

@@ -48,12 +48,16 @@ from sleepcast.simulator.scenario.robot_settings import (
 )
 from sleepcast.simulator.scenario.robot_types import combined, given_names, names_of, robot_tables, slices
 from sleepcast.simulator.scenario.signals import (
+    SIGHT_SINCE,
+    THROUGH_ALL,
     Light,
     NeighbourModel,
     PingModel,
+    SightModel,
     read_lights,
     read_neighbours,
     read_pings,
+    read_sight,
 )
 from sleepcast.simulator.scenario.sliders import Slider, blanks_of, read_sliders
 from sleepcast.simulator.scenario.starts import refuse_equal_names, refuse_misfits, rows_of_starts
@@ -63,7 +67,7 @@ from sleepcast.simulator.world.map_picture import MapPicture
 from sleepcast.simulator.world.torus import PLAIN, Around
 from sleepcast.simulator.world.world import Shape
 
-FORMAT = 1
+FORMAT = 2
 """Version of the format; files of a newer one are refused."""
 FILE = "scenario.toml"
 MISSED = 0.002
@@ -120,6 +124,8 @@ class Scenario:
     picture: of the map that the world was made of; in a recording or snapshot only the name of its file is left
     operators: who may command, none where whoever sends may do anything
     minds: what robots go by then
+    sight: what walls and bodies hide
+    format: of its file
     origin: where it was found and what was changed in it, see `origin`; "" for one that was not found
     """
 
@@ -161,6 +167,8 @@ class Scenario:
     origin: str = ""
     operators: tuple[ScenarioOperator, ...] = ()
     minds: MindSettings = NO_AUTHORITY
+    sight: SightModel = THROUGH_ALL
+    format: int = 1
 
     @property
     def each_type(self) -> tuple[RobotSpec, ...]:
@@ -171,6 +179,18 @@ class Scenario:
     def named_points(self) -> tuple[Place | Stock, ...]:
         """What the map shows by its title: places and stocks."""
         return (*self.places, *self.stocks)
+
+    @property
+    def sees_through_walls(self) -> str:
+        """A sentence for people if walls hide nothing here only because the file is of an older format; else ""."""
+        senses = (("lights", self.lights), ("pings", self.pings), ("neighbours", self.neighbours))
+        seen = " and ".join(name for name, given in senses if given)
+        if self.format >= SIGHT_SINCE or not seen or not (self.shapes or self.absent):
+            return ""
+        return (
+            f"{self.path} is of format {self.format}: robots sense {seen} through walls. With format = {SIGHT_SINCE} "
+            "walls hide them"
+        )
 
     @property
     def repeats(self) -> int:
@@ -213,7 +233,7 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> t
     for key, value in changes.over:
         document.change(key, value)
     with document.root() as root:
-        _check_format(root)
+        version = _checked_format(root)
         root.has("nomad")  # read by `sites`
         constants = read_constants(root)
         sliders = read_sliders(root, document, constants)
@@ -295,6 +315,8 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> t
             sliders=sliders,
             operators=operators,
             minds=read_minds(root, operators),
+            sight=read_sight(root, version),
+            format=version,
         )
         if scenario.torus:
             _check_torus(root, scenario)
@@ -320,12 +342,13 @@ def _check_torus(root: Table, scenario: Scenario) -> None:
         raise root.error("measures", "robots on a torus have no centre, from which these are measured: leave them out")
 
 
-def _check_format(root: Table) -> None:
+def _checked_format(root: Table) -> int:
     version = root.whole("format", low=1, high=MAX_SEED)
     if version > FORMAT:
         raise root.error(
             "format", f"format {version} is newer than this sleepcast, which reads format {FORMAT}: update sleepcast"
         )
+    return version
 
 
 def _places(root: Table, size: tuple[float, float]) -> tuple[Place, ...]:

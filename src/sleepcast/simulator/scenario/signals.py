@@ -1,4 +1,5 @@
-"""Lights, pings and neighbours as a scenario file describes them, and the variables in which robots sense them.
+"""Lights, pings and neighbours as a scenario file describes them, what hides them, and the variables in which robots
+sense them.
 
 After Hoskins's vehicles: a ping carries the caste of its sender and is received with its range and whether it came
 from the front or the rear; a light is sensed in the same way. Pings are presented one at a time, in pFlag, pRange,
@@ -25,6 +26,8 @@ SENSED = ("x", "y", "heading", "dist")
 """What robots sense of neighbours without being told: `MEAN_X`, `NEAREST_DIST` and so on are about these."""
 MAX_QUEUE = 64
 """Pings queued on one robot: at one per tick, the last of them is already stale."""
+SIGHT_SINCE = 2
+"""The format of scenarios in which walls hide lights, pings and neighbours, unless it is said otherwise."""
 FRONT, REAR = 1.0, -1.0
 """Bearings: within a quarter turn of the heading, or not."""
 LIGHT_NAMES = ("sFlag", "sRange", "sBearing")
@@ -70,6 +73,38 @@ class NeighbourModel:
     loss: float
     noise: float
     shares: dict[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class SightModel:
+    """What walls hide from robots: lights, pings, and neighbours with all that they show. bodies_hide: whether lights
+    and pings are hidden behind other robots, too."""
+
+    lights: bool
+    pings: bool
+    neighbours: bool
+    bodies_hide: bool
+
+
+THROUGH_ALL = SightModel(lights=False, pings=False, neighbours=False, bodies_hide=False)
+"""Nothing hides anything, as in scenarios of format 1."""
+
+
+def read_sight(root: Table, version: int) -> SightModel:
+    """The table `[sight]`. version: of the scenario's format; from 2 on walls hide, unless it says otherwise."""
+    if version < SIGHT_SINCE:
+        if root.has("sight"):
+            raise root.error(
+                "sight", f"walls hide something in format {SIGHT_SINCE} only: write format = {SIGHT_SINCE}"
+            )
+        return THROUGH_ALL
+    with root.table("sight") as table:
+        return SightModel(
+            lights=table.flag("lights", True),
+            pings=table.flag("pings", True),
+            neighbours=table.flag("neighbours", True),
+            bodies_hide=table.flag("bodies_hide", False),
+        )
 
 
 def read_lights(root: Table, size: tuple[float, float], places: Sequence[str]) -> tuple[Light, ...]:

@@ -32,7 +32,7 @@ ROOM_NAME = __name__.rpartition(".simd.")[0]
 ROOM = Path(__file__).resolve().parent.parent
 SOURCES = (
     *("*/kernels*.py", "simd/*.py"),
-    *("neighbours/neighbourhood.py", "motion/driving.py", "motion/steps.py", "world/walls.py"),
+    *("neighbours/neighbourhood.py", "motion/driving.py", "motion/steps.py", "world/walls.py", "world/sight.py"),
     *("sonar/noise.py", "sonar/crosstalk.py", "sonar/fields.py"),
     *("quiet/layout.py", "../core/angles.py", "../core/counter_rng.py"),
 )

@@ -1,0 +1,66 @@
+"""What robots do not see, because a wall or another robot stands between: see `world.sight`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sleepcast.simulator.engine import Machine
+from sleepcast.simulator.scenario.scenario import Scenario
+from sleepcast.simulator.world.grid import Floats, Whole
+from sleepcast.simulator.world.sight import Ends, Flags, SightLines, hidden, unrolled
+from sleepcast.simulator.world.world import World
+
+
+class LineOfSight:
+    """The lines of sight among bodies at x, y (m, changed in place).
+
+    radii: of the bodies, m
+    walls: the solids of the world; up to date after `keep_up`
+    """
+
+    def __init__(
+        self, scenario: Scenario, world: World, machine: Machine, places: tuple[Floats, Floats], radii: Floats
+    ) -> None:
+        size = scenario.width, scenario.height
+        self.walls = SightLines(size, scenario.around)
+        self._discs = SightLines(size, scenario.around)
+        self._moved = True
+        self._world, self._machine, self._around = world, machine, scenario.around
+        self._places, self._radii, self._bodies_hide = places, radii, scenario.sight.bodies_hide
+
+    def keep_up(self) -> None:
+        """Take over what has changed in the world."""
+        self.walls.keep_up(self._world)
+
+    def forget(self) -> None:
+        """Bodies have moved."""
+        self._moved = True
+
+    def behind_walls(self, robots: Whole, seen_x: Floats, seen_y: Floats) -> Flags:
+        """Whether walls hide from each of these robots what stands at `seen_x`, `seen_y`, m."""
+        self.keep_up()
+        return self._machine.hidden(self.walls, *self._lines(robots, seen_x, seen_y))
+
+    def hidden(
+        self, robots: Whole, seen_x: Floats, seen_y: Floats, *, walls: bool, senders: Whole | None = None
+    ) -> Flags:
+        """Whether walls (if these count) or bodies (if the scenario says that they do) hide from each of these robots
+        what stands at `seen_x`, `seen_y`, m. senders: the robots that stand there, if any do: no body hides itself, nor
+        what is sent from it."""
+        found = self.behind_walls(robots, seen_x, seen_y) if walls else np.zeros(len(robots), bool)
+        if not self._bodies_hide:
+            return found
+        if self._moved:
+            x, y = self._places
+            self._discs.put(np.stack((x, y, x, y, np.broadcast_to(self._radii, len(x))), axis=1))
+            self._moved = False
+        left = np.flatnonzero(~found)
+        passing = [robots[left]] + ([] if senders is None else [senders[left]])
+        lines = self._lines(robots[left], seen_x[left], seen_y[left])
+        found[left] = hidden(self._discs, *lines, passing=passing)
+        return found
+
+    def _lines(self, robots: Whole, seen_x: Floats, seen_y: Floats) -> Ends:
+        x, y = (each[robots] for each in self._places)
+        across, up = self._around
+        return x, y, unrolled(x, seen_x, across), unrolled(y, seen_y, up)

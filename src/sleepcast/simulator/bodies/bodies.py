@@ -306,7 +306,7 @@ class Bodies:
     def forget(self) -> None:
         """Invalidate the spatial index and the sonar readings: bodies have moved."""
         self.near.forget()
-        self.sight.forget()
+        self.sight.moved = True
         if self.sonars:
             self.sonars.forget()
 

@@ -16,6 +16,7 @@ class LineOfSight:
 
     radii: of the bodies, m
     walls: the solids of the world; up to date after `keep_up`
+    moved: whether bodies have moved since they were last looked at; set by who moves them
     """
 
     def __init__(
@@ -24,17 +25,13 @@ class LineOfSight:
         size = scenario.width, scenario.height
         self.walls = SightLines(size, scenario.around)
         self._discs = SightLines(size, scenario.around)
-        self._moved = True
+        self.moved = True
         self._world, self._machine, self._around = world, machine, scenario.around
         self._places, self._radii, self._bodies_hide = places, radii, scenario.sight.bodies_hide
 
     def keep_up(self) -> None:
         """Take over what has changed in the world."""
         self.walls.keep_up(self._world)
-
-    def forget(self) -> None:
-        """Bodies have moved."""
-        self._moved = True
 
     def behind_walls(self, robots: Whole, seen_x: Floats, seen_y: Floats) -> Flags:
         """Whether walls hide from each of these robots what stands at `seen_x`, `seen_y`, m."""
@@ -50,10 +47,10 @@ class LineOfSight:
         found = self.behind_walls(robots, seen_x, seen_y) if walls else np.zeros(len(robots), bool)
         if not self._bodies_hide:
             return found
-        if self._moved:
+        if self.moved:
             x, y = self._places
             self._discs.put(np.stack((x, y, x, y, np.broadcast_to(self._radii, len(x))), axis=1))
-            self._moved = False
+            self.moved = False
         left = np.flatnonzero(~found)
         passing = [robots[left]] + ([] if senders is None else [senders[left]])
         lines = self._lines(robots[left], seen_x[left], seen_y[left])

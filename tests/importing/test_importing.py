@@ -139,6 +139,7 @@ def test_an_experiment_of_argos(imported: Import) -> None:
     assert max(x for x, _ in wall.corners) == pytest.approx(3.1), "turned by 90 degrees, it stands upright"
     assert scenario.neighbours is not None
     assert scenario.neighbours.reach == 2.0
+    assert scenario.sight.neighbours, "its walls hide, as those of ARGoS do"
     assert [light.name for light in scenario.lights] == ["lamp"]
     at = starts(scenario)
     assert at["one"] == (2.0, 2.0, 45.0)

@@ -23,6 +23,7 @@ from sleepcast.core.extras import installing
 from sleepcast.core.settings import MAX_BYTES
 from sleepcast.importing.found import Bitmap, Disc, Found, FoundRobots, Hardware, Point, bounds
 from sleepcast.simulator.scenario.robot_types import MAX_TYPES
+from sleepcast.simulator.scenario.scenario import FORMAT
 from sleepcast.simulator.scenario.starts import StartPose
 
 NEAR = 2.0
@@ -143,7 +144,7 @@ class _Text:
 
     def lines(self) -> Iterator[str]:
         found = self._found
-        yield "format = 1"
+        yield f"format = {FORMAT}"
         yield f"title = {_quoted(found.title[:60] or 'imported')}"
         moved = f"Its 0, 0 is at {_number(-self._low[0])} m, {_number(-self._low[1])} m here."
         yield f"about = {_quoted(f'{found.about} {moved}')}"

@@ -19,8 +19,6 @@ from sleepcast.mind.state import MindState, RuleState, SharedRule
 from sleepcast.mind.telemetry import VocabularyRecord, read_mind, read_vocabulary, vocabulary_text
 from sleepcast.node.node import Node
 from sleepcast.node.state import mind_of, restore
-from sleepcast.station.prepared import Terms
-from sleepcast.station.validation import DoubtError
 from station.test_whose_names import Fleet, rover, said
 
 
@@ -212,25 +210,6 @@ def test_a_desk_far_away_sees_priorities_and_robots_of_0_2_0_tell_none() -> None
     old = vocabulary_text(Vocabulary("old", forms=frozenset()))
     assert "forms" not in old
     assert read_vocabulary(old).forms == frozenset()
-
-
-def test_the_desk_doubts_a_priority_for_robots_that_do_not_know_it() -> None:
-    old = rover("old")
-    old.forms = frozenset()
-    fleet = Fleet(r1=rover("new"), tiny=old)
-    fleet.tell("r1", "tiny")
-    text = "(RULE a 1 :priority 2)"
-    (doubt,) = fleet.desk.check(text).doubts
-    assert doubt.message == ":priority at 1:11 is not known to old (tiny), which would refuse this"
-    assert not fleet.desk.check(text, only=["r1"]).doubts
-    assert not fleet.desk.check("(RULE a 1)").doubts
-    assert not fleet.desk.check("(DEFVAR :priority 1)").doubts, "a name like any other"
-    prepared = fleet.desk.prepare(text, Terms(everybody=True))
-    with pytest.raises(DoubtError):
-        fleet.desk.accept(prepared, count=2)
-    fleet.desk.accept(prepared, count=2, confirmed=True)
-    fleet.leave()
-    assert not fleet.desk.check(text).doubts, "nobody of them is there"
 
 
 def test_only_a_commander_gives_priorities() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
 import pytest
@@ -15,6 +16,7 @@ from sleepcast.node.node import Node
 from sleepcast.station.network import PRESENT_FOR, NetworkStation
 from sleepcast.station.prepared import Terms
 from sleepcast.station.validation import Audience
+from sleepcast.station.whose_names import WITHOUT_THESE
 from station.far import Far
 
 DRIVE = "(DRIVE 0.2m/s)"
@@ -182,3 +184,47 @@ def test_the_names_of_some_are_in_the_slots_of_all() -> None:
     checked = fleet.desk.check("(WHEN (> (+ sonar x) 1m) (SLEEP))", only=["tiny"])
     assert checked.findings == ()
     assert fleet.desk.preview("(WHEN (> sonar 0.5m) (SLEEP))").yes == ("tiny",)
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [("(RULE a 1 :priority 2)", ":priority at 1:11"), ("(SETQ z (SUM-OVER (n 5m) 1))", "SUM-OVER at 1:10"),
+     ("(SETQ z (OF 3 distance))", "OF at 1:10"), ("(FOR-NEIGHBOURS (n 5m) (MARK))", "FOR-NEIGHBOURS at 1:2")],
+)  # fmt: skip
+def test_the_desk_refuses_a_new_form_while_a_robot_is_there_that_does_not_know_it(text: str, place: str) -> None:
+    fleet = mixed()
+    desk, insists = fleet.desk, Terms(everybody=True, anyway=True)
+    why = f"{place} is not known to old (tiny): {WITHOUT_THESE}"
+    fleet.tell("r1")
+    early = desk.prepare(text, Terms(everybody=True))
+    fleet.tell("tiny")
+    for _ in range(2):  # what was checked is not checked again, and says the same
+        (error,) = desk.check(text).errors
+        assert error.message == why
+    for refused in (
+        lambda: desk.prepare(text, insists),
+        lambda: desk.send(text, everybody=True, confirmed=True),
+        lambda: desk.ask(text, anyway=True),
+        lambda: desk.accept(early, count=1, confirmed=True),
+    ):
+        with pytest.raises(CheckError, match=re.escape(why)):
+            refused()
+    assert not desk.commands()
+    assert not desk.check(text, only=["r1"]).errors
+    fleet.leave()
+    assert not desk.check(text).errors, "nobody of them is there"
+    desk.accept(desk.prepare(text, insists), count=2, confirmed=True)
+
+
+@pytest.mark.parametrize("text", ["(RULE a 1)", "(DEFVAR :priority 1)", "(DEFVAR of 1)", "(PRINT sum-over)"])
+def test_a_name_like_any_other_is_no_new_form(text: str) -> None:
+    fleet = mixed()
+    fleet.tell("r1", "tiny")
+    assert not fleet.desk.check(text).errors
+
+
+def mixed() -> Fleet:
+    """A desk, a robot of today, and one that knows no new forms."""
+    old = rover("old")
+    old.forms = frozenset()
+    return Fleet(r1=rover("new"), tiny=old)

@@ -49,7 +49,7 @@ from sleepcast.core.errors import MisuseError
 from sleepcast.language import Checked
 from sleepcast.language.parts import rules
 from sleepcast.language.program import Program
-from sleepcast.language.vocabulary import NEW_FORMS, Vocabulary
+from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.mind.authority import FORGOTTEN, MAX_MARKS, Life, StopMark, mark_of, marks_and_ages
 from sleepcast.station.account import COUNTED, account
 from sleepcast.station.journal.journal import CONFLICT, Journal, JournalEvent
@@ -75,7 +75,7 @@ from sleepcast.station.validation import (
     SendPolicy,
     robot_names,
 )
-from sleepcast.station.whose_names import check_for, doubt_forms
+from sleepcast.station.whose_names import NEW_WORDS, check_for, refuse_forms
 
 ANSWERS_A_SECOND = 1_000.0
 """Answers that are asked for in a second: 200 kB on the air, a fifth of what a slow radio carries."""
@@ -135,8 +135,8 @@ def _nothing() -> None:
 
 
 def _has_new_form(text: str) -> bool:
-    """Whether a text may have a new part of a form, which some robots do not know."""
-    return any(form in text.casefold() for form in NEW_FORMS)
+    """Whether a text may have a new form, or a new part of one, which some robots do not know."""
+    return NEW_WORDS.search(text) is not None
 
 
 class RoleError(MisuseError):
@@ -277,12 +277,21 @@ class NetworkStation(Station):
     def check(self, text: str, *, only: Sequence[str] | None = None, anyway: bool = False) -> Checked:
         """See `Station`; of robots that differ, those decide that are there, and that it is for (`whose_names`)."""
         checked = super().check(text)
-        if isinstance(self._minds, RemoteMinds):
-            if checked.errors:
-                checked = check_for(checked, self._minds, self.present(only), anyway=anyway)
-            if _has_new_form(text):
-                doubt_forms(checked, self._minds, self.present(only))
-        return checked
+        if isinstance(self._minds, RemoteMinds) and checked.errors:
+            checked = check_for(checked, self._minds, self.present(only), anyway=anyway)
+        return self._in_known_forms(checked, only)
+
+    def _in_known_forms(self, checked: Checked, only: Sequence[str] | None) -> Checked:
+        """The same text, wrong if it has new forms that some robots do not know which are there and that it is for."""
+        if not _has_new_form(checked.text) or not isinstance(self._minds, RemoteMinds):
+            return checked
+        return refuse_forms(checked, self._minds, self.present(only))
+
+    def _current(self, draft: Draft) -> Draft:
+        """As every station; robots may have come since that do not know its forms. Raises CheckError."""
+        current = super()._current(draft)
+        self._in_known_forms(current.checked, current.terms.audience.only).required()
+        return current
 
     def present(self, only: Sequence[str] | None = None) -> list[str]:
         """The robots, of these or of all, that this desk itself has heard a short while ago."""

@@ -10,15 +10,16 @@ is checked again in those of the robots that it is for and that are there; for a
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
-from copy import copy
+from copy import copy, deepcopy
 from dataclasses import replace
 
 from sleepcast.channel.message_batch import natural_order
 from sleepcast.core.errors import listed, printable
 from sleepcast.core.model import Constant, HostFunction
 from sleepcast.language import Checked, check
-from sleepcast.language.functions import ABOUT_NEIGHBOURS, FUNCTIONS, MANY, NEIGHBOURS
+from sleepcast.language.functions import ABOUT_NEIGHBOURS, FUNCTIONS, MANY, NEIGHBOURS, PRIORITY
 from sleepcast.language.reader import List, Symbol, read, walk
 from sleepcast.language.symbols import Declared
 from sleepcast.language.vocabulary import NEW_FORMS, Binding, Variable, Vocabulary
@@ -27,6 +28,10 @@ from sleepcast.station.schema_merge import merge_schemas
 
 FEW = 3
 """Robots in a sentence."""
+WITHOUT_THESE = "send this by name to robots that know it (--only), or update these first"
+"""What to do about robots that would refuse a text with a new form."""
+NEW_WORDS = re.compile(rf"(?<![\w-])({'|'.join(map(re.escape, sorted({PRIORITY, *ABOUT_NEIGHBOURS})))})(?![\w-])", re.I)
+"""What a text has in it that has a new form; so may others."""
 
 
 class NamesOfSome:
@@ -100,9 +105,10 @@ def check_for(whole: Checked, minds: RemoteMinds, robots: Sequence[str], *, anyw
     return _informed(next((each for each in tries if not each.errors), bare), whole, minds, set(present))
 
 
-def doubt_forms(checked: Checked, minds: RemoteMinds, robots: Sequence[str]) -> None:
-    """Doubt a text with a new form, or a new part of one (`NEW_FORMS`), that some of these robots do not say they
-    know."""
+def refuse_forms(checked: Checked, minds: RemoteMinds, robots: Sequence[str]) -> Checked:
+    """The same text, wrong if it has a new form, or a new part of one (`NEW_FORMS`), that some of these robots do not
+    say they know: they would refuse what others obey, whatever its sender says."""
+    found = deepcopy(checked.found)  # what was checked is kept for others, too
     for form, known_as in _new_forms(checked, minds):
         types: dict[bytes, list[str]] = {}
         for name in sorted(robots, key=natural_order):
@@ -111,8 +117,9 @@ def doubt_forms(checked: Checked, minds: RemoteMinds, robots: Sequence[str]) -> 
                 types.setdefault(kind, []).append(name)
         if types:
             whose = " and ".join(_named(minds.types[kind], names) for kind, names in types.items())
-            message = f"{form.text} @@ is not known to {whose}, which would refuse this"
-            checked.found.note("warning", message, form.start, form.end, confirm=True)
+            message = f"{form.text} @@ is not known to {whose}: {WITHOUT_THESE}"
+            found.note("error", message, form.start, form.end)
+    return checked if found.counts == checked.counts else replace(checked, found=found, program=None)
 
 
 def _new_forms(checked: Checked, minds: RemoteMinds) -> Iterator[tuple[Symbol, str]]:

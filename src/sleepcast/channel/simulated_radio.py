@@ -150,6 +150,9 @@ _URGENT = frozenset({Kind.STOP, Kind.RELEASE})
 
 _Metres = NDArray[np.float64]
 _PLAIN = (inf, inf)
+Between = Callable[[_Metres, _Metres, _Metres, _Metres], NDArray[np.integer] | NDArray[np.bool_]]
+"""How many walls lie between points: x and y of the beginnings of lines and of their ends, m; on a torus the shortest
+way. Where any wall is too many, whether there are any is enough."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,6 +162,7 @@ class RadioModel:
     reach: range between robots, m
     operator: position of the operator, x and y in m; None: within reach of all
     operator_reach: range between the operator and a robot, m
+    wall: by what each wall between two parties multiplies the range, 0 to 1: 1 lets all through, 0 nothing
     loss, duplication, reordering: probabilities, 0..1, for each copy
     delay: s that every copy takes
     jitter: largest additional delay, s, uniform
@@ -170,6 +174,7 @@ class RadioModel:
     reach: float = inf
     operator: tuple[float, float] | None = None
     operator_reach: float = inf
+    wall: float = 1.0
     loss: float = 0.0
     delay: float = 0.0
     jitter: float = 0.0
@@ -186,6 +191,13 @@ class RadioModel:
         for name in ("reach", "operator_reach", "delay", "jitter", "held_back"):
             if not getattr(self, name) >= 0.0:
                 raise MisuseError(f"the radio's {name} must be 0 or more, not {getattr(self, name)}")
+        if not 0.0 <= self.wall <= 1.0:
+            raise MisuseError(f"the radio's wall is a share from 0 to 1, not {self.wall}")
+        if 0.0 < self.wall < 1.0 and self.reach == self.operator_reach == inf:
+            raise MisuseError(
+                f"the radio's wall of {self.wall:g} shortens a limited reach only: give the radio a reach, or write "
+                "wall = 0 for walls that block"
+            )
         if not self.rate > 0.0 or self.queue < 0:
             raise MisuseError(
                 f"the radio's rate must be above 0 and its queue 0 or more, not {self.rate}, {self.queue}"
@@ -213,6 +225,7 @@ class Radio:
     clock: the swarm's, which determines all times
     around: width and height of a torus, m; infinite for a plain world
     desks: how many operators listen
+    between: how many walls lie between parties now; without it walls do not count
     """
 
     def __init__(
@@ -225,12 +238,14 @@ class Radio:
         clock: Clock,
         around: tuple[float, float] = _PLAIN,
         desks: int = 1,
+        between: Between | None = None,
     ) -> None:
         self.desks = np.arange(OPERATOR, OPERATOR - desks, -1, dtype=np.int64)
         """The operators' numbers."""
         self.model = model
         self.counts = RadioCounts()
         self._x, self._y, self._seed, self._clock, self._around = x, y, seed, clock, around
+        self._between = between if model.wall < 1.0 else None
         self._count = len(x)
         self._waiting: list[InFlight] = []
         self._on_the_way = 0
@@ -331,7 +346,12 @@ class Radio:
     @property
     def reaches_all(self) -> bool:
         """Whether samples of all robots arrive, always."""
-        return not self.model.loss and (self.model.operator is None or self.model.operator_reach == inf)
+        return not self.model.loss and self._operator_is_near
+
+    @property
+    def _operator_is_near(self) -> bool:
+        """Whether the operator is in reach of all, wherever they are."""
+        return self.model.operator is None or (self.model.operator_reach == inf and self._between is None)
 
     def samples(self) -> Numbers:
         """The robots from which a sample sent to the operator now would arrive."""
@@ -351,7 +371,7 @@ class Radio:
             near = self._near_operator()
             return self.desks, self.desks if near is None or near[transmitter] else self.desks[:0]
         others = np.delete(self._everybody(), transmitter)
-        if self.model.reach == inf:
+        if self.model.reach == inf and self._between is None:
             return others, others
         near = self._within(float(self._x[transmitter]), float(self._y[transmitter]), self.model.reach)
         return others, others[near[others]]
@@ -362,15 +382,27 @@ class Radio:
 
     def _near_operator(self) -> NDArray[np.bool_] | None:
         """Whether each robot is in reach of the operator; None if all are."""
-        if self.model.operator is None or self.model.operator_reach == inf:
+        if self.model.operator is None or self._operator_is_near:
             return None
         return self._within(*self.model.operator, self.model.operator_reach)
 
     def _within(self, x: float, y: float, reach: float) -> NDArray[np.bool_]:
         dx, dy = np.abs(self._x - x), np.abs(self._y - y)
         dx, dy = np.minimum(dx, self._around[0] - dx), np.minimum(dy, self._around[1] - dy)
-        near: NDArray[np.bool_] = dx * dx + dy * dy <= reach * reach
+        square = dx * dx + dy * dy
+        near: NDArray[np.bool_] = square <= reach * reach
+        if self._between is not None:
+            asked = np.flatnonzero(near)
+            here = np.full(len(asked), x), np.full(len(asked), y)
+            walls = self._between(*here, self._x[asked], self._y[asked]).astype(np.int64)
+            near[asked] = square[asked] <= self._squares(reach, walls.max(initial=0))[walls]
         return near
+
+    def _squares(self, reach: float, walls: int) -> _Metres:
+        """The square of the reach through no wall, one wall and so on, m2; below 0 where nothing comes through."""
+        shares = np.multiply.accumulate(np.append(1.0, np.full(walls, self.model.wall)))  # powers are not exact
+        squares: _Metres = np.where(shares > 0.0, np.square(np.where(shares > 0.0, shares, 1.0) * reach), -1.0)
+        return squares
 
     def _repeat(self, transmitter: int, message: Message, now: float) -> int:
         """How often this message was sent before at this very time: each repeat is lost or delayed independently."""

@@ -189,6 +189,7 @@ class Swarm:
         self.minds: Mapping[str, RobotView] = self.fleet
         scenario = simulator.scenario
         self.fleet.telemetry.tick = scenario.tick
+        sight = simulator.bodies.sight
         self.radio = Radio(
             scenario.radio,
             simulator.x,
@@ -197,6 +198,7 @@ class Swarm:
             clock=self,
             around=scenario.around,
             desks=max(1, len(scenario.operators)),
+            between=sight.count_between if scenario.radio.wall else sight.any_between,
         )
         self.operators = {operator.name: Role(operator.role) for operator in scenario.operators}
         """The role of each operator, the first one's first; empty where whoever sends may do anything."""

@@ -7,7 +7,7 @@ import numpy as np
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.world.grid import Floats, Whole
-from sleepcast.simulator.world.sight import Ends, Flags, SightLines, hidden, unrolled
+from sleepcast.simulator.world.sight import Ends, Flags, SightLines, crossings, hidden, unrolled
 from sleepcast.simulator.world.world import World
 
 
@@ -35,8 +35,8 @@ class LineOfSight:
 
     def behind_walls(self, robots: Whole, seen_x: Floats, seen_y: Floats) -> Flags:
         """Whether walls hide from each of these robots what stands at `seen_x`, `seen_y`, m."""
-        self.keep_up()
-        return self._machine.hidden(self.walls, *self._lines(robots, seen_x, seen_y))
+        x, y = (each[robots] for each in self._places)
+        return self.any_between(x, y, seen_x, seen_y)
 
     def hidden(
         self, robots: Whole, seen_x: Floats, seen_y: Floats, *, walls: bool, senders: Whole | None = None
@@ -57,7 +57,20 @@ class LineOfSight:
         found[left] = hidden(self._discs, *lines, passing=passing)
         return found
 
+    def any_between(self, x: Floats, y: Floats, to_x: Floats, to_y: Floats) -> Flags:
+        """Whether walls lie between each point x, y and `to_x`, `to_y`, m; on a torus the shortest way."""
+        self.keep_up()
+        return self._machine.hidden(self.walls, *self._ends(x, y, to_x, to_y))
+
+    def count_between(self, x: Floats, y: Floats, to_x: Floats, to_y: Floats) -> Whole:
+        """How many walls do."""
+        self.keep_up()
+        return crossings(self.walls, *self._ends(x, y, to_x, to_y))
+
     def _lines(self, robots: Whole, seen_x: Floats, seen_y: Floats) -> Ends:
         x, y = (each[robots] for each in self._places)
+        return self._ends(x, y, seen_x, seen_y)
+
+    def _ends(self, x: Floats, y: Floats, to_x: Floats, to_y: Floats) -> Ends:
         across, up = self._around
-        return x, y, unrolled(x, seen_x, across), unrolled(y, seen_y, up)
+        return x, y, unrolled(x, to_x, across), unrolled(y, to_y, up)

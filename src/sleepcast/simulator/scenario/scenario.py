@@ -58,6 +58,7 @@ from sleepcast.simulator.scenario.signals import (
     read_neighbours,
     read_pings,
     read_sight,
+    refuse_sight,
 )
 from sleepcast.simulator.scenario.sliders import Slider, blanks_of, read_sliders
 from sleepcast.simulator.scenario.starts import refuse_equal_names, refuse_misfits, rows_of_starts
@@ -274,7 +275,7 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> t
         stocks = read_stocks(root, size, robots.stores, taken)
         taken += [name for stock in stocks for name in stock.names]
         refuse_clashes(root, tables, taken, constants, groups)
-        radio, telemetry = _radio(root, size)
+        radio, telemetry = _radio(root, size, version)
         points = {each.name: (each.x, each.y) for each in places} | {each.name: (each.x, each.y) for each in lights}
         timed = root.has("events") and changes.walls  # a run without solid things has no changes of them
         scenario = Scenario(
@@ -367,12 +368,17 @@ def _places(root: Table, size: tuple[float, float]) -> tuple[Place, ...]:
     return tuple(places)
 
 
-def _radio(root: Table, size: tuple[float, float]) -> tuple[RadioModel, float]:
-    """The radio, and the telemetry period."""
+def _radio(root: Table, size: tuple[float, float], version: int) -> tuple[RadioModel, float]:
+    """The radio, and the telemetry period. version: of the scenario's format."""
     usual = RadioModel()
     with root.table("radio") as table:
         seated = table.has("operator")
+        refuse_sight(table, "wall", version)
+        wall = table.number("wall", default=usual.wall, low=0.0, high=1.0)
+        if 0.0 < wall < 1.0 and not table.has("reach") and not seated:
+            raise table.error("wall", "shortens a limited reach only: give a reach, or write 0 for walls that block")
         radio = RadioModel(
+            wall=wall,
             reach=table.number("reach", LENGTH, usual.reach, low=0.0),
             operator=table.point("operator", (0.0, 0.0), size) if seated else None,
             operator_reach=table.number("operator_reach", LENGTH, None if seated else inf, low=0.0),

@@ -92,11 +92,8 @@ THROUGH_ALL = SightModel(lights=False, pings=False, neighbours=False, bodies_hid
 
 def read_sight(root: Table, version: int) -> SightModel:
     """The table `[sight]`. version: of the scenario's format; from 2 on walls hide, unless it says otherwise."""
+    refuse_sight(root, "sight", version)
     if version < SIGHT_SINCE:
-        if root.has("sight"):
-            raise root.error(
-                "sight", f"walls hide something in format {SIGHT_SINCE} only: write format = {SIGHT_SINCE}"
-            )
         return THROUGH_ALL
     with root.table("sight") as table:
         return SightModel(
@@ -105,6 +102,12 @@ def read_sight(root: Table, version: int) -> SightModel:
             neighbours=table.flag("neighbours", True),
             bodies_hide=table.flag("bodies_hide", False),
         )
+
+
+def refuse_sight(table: Table, key: str, version: int) -> None:
+    """Raise SettingsError if a file of a format in which walls hide nothing has this key, which says what they hide."""
+    if version < SIGHT_SINCE and table.has(key):
+        raise table.error(key, f"walls hide something in format {SIGHT_SINCE} only: write format = {SIGHT_SINCE}")
 
 
 def read_lights(root: Table, size: tuple[float, float], places: Sequence[str]) -> tuple[Light, ...]:

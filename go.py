@@ -45,19 +45,21 @@ def run(*command: str, aside: bool = False) -> bool:
     return subprocess.run([PYTHON, "-m", *command], cwd=ROOT, stdout=output, check=False).returncode == 0
 
 
-def make_environment() -> None:
+def make_environment(folder: Path) -> None:
+    """Make a new virtual environment with pip, instead of whatever is there."""
     import importlib.util
+    import subprocess
     import venv
 
-    # pip writes its name with the version last: without it, .venv is half made or another Python's.
-    if PYTHON.exists() and (VENV / "bin" / f"pip{VERSION}").exists():
-        return
     if importlib.util.find_spec("ensurepip") is None:
         raise refusal(
             f"This Python ({sys.executable}) cannot make virtual environments: its ensurepip is missing.\n"
             f"On Debian or Ubuntu, install it with: sudo apt install python{VERSION}-venv"
         )
-    venv.create(VENV, clear=True, symlinks=True, with_pip=True)
+    try:
+        venv.create(folder, clear=True, symlinks=True, with_pip=True)
+    except (OSError, subprocess.CalledProcessError) as error:
+        raise refusal(f"Cannot make the virtual environment {folder}: {error}", 1) from None
 
 
 def state(lock: str, extras: Sequence[str] = ()) -> str:
@@ -90,11 +92,13 @@ def fill_environment(lock: str, extras: Sequence[str], stamp: Path) -> None:
 
     what = " and what it needs for " + ", ".join(extras) if extras else ""
     print(f"sleepcast: installing {lock}{what} into {VENV} ...", file=sys.stderr)
+    # pip writes its name with the version last: without it, .venv is half made or another Python's.
+    if not (PYTHON.exists() and (VENV / "bin" / f"pip{VERSION}").exists()):
+        make_environment(VENV)
     try:
         stamp.unlink(missing_ok=True)
-        make_environment()
-    except (OSError, subprocess.CalledProcessError) as error:
-        raise refusal(f"Cannot make the virtual environment {VENV}: {error}", 1) from None
+    except OSError as error:
+        raise refusal(f"Cannot change the virtual environment {VENV}: {error}", 1) from None
 
     def begin(file: str, packages: Sequence[str], *options: str) -> subprocess.Popen[bytes]:
         """Begin to install these packages, which the file is to list, and nothing else: a lock has all that they need
@@ -240,10 +244,9 @@ def test(*pytest_options: str) -> int:
 def tool_environment(name: str, *what: str) -> Path:
     """A new environment of this name, beside .venv, with what pip is told to install."""
     import subprocess
-    import venv
 
     tools = ROOT / name
-    venv.create(tools, clear=True, symlinks=True, with_pip=True)
+    make_environment(tools)
     install = ("-m", "pip", "install", "--quiet", "--disable-pip-version-check", *what)
     if subprocess.run([tools / "bin" / "python", *install], cwd=ROOT, check=False).returncode:
         raise refusal(f"Filling {name} failed; pip says why above. Then run the same command again.", 1)

@@ -188,17 +188,18 @@ def test_go_refuses_an_old_python(clone: Path) -> None:
     assert (done.returncode, done.stdout) == (2, "")
 
 
-def test_go_names_the_package_that_is_missing(clone: Path) -> None:
-    done = start_changed(clone, "sys.modules['ensurepip'] = None")
+@pytest.mark.parametrize("words", [[], ["audit"]], ids=["install", "a tool's environment"])
+def test_go_names_the_package_that_is_missing(clone: Path, words: list[str]) -> None:
+    done = start_changed(clone, "sys.modules['ensurepip'] = None", *words)
     version = "{}.{}".format(*sys.version_info)
     assert "cannot make virtual environments: its ensurepip is missing" in done.stderr
     assert f"sudo apt install python{version}-venv" in done.stderr
     assert (done.returncode, done.stdout) == (2, "")
 
 
-def start_changed(clone: Path, change: str) -> subprocess.CompletedProcess[str]:
+def start_changed(clone: Path, change: str, *words: str) -> subprocess.CompletedProcess[str]:
     """Run the clone's go.py in a Python that lacks something."""
-    start = f"import runpy, sys; {change}; sys.argv = ['go.py']; runpy.run_path('go.py', run_name='__main__')"
+    start = f"import runpy, sys; {change}; sys.argv = ['go.py', *{words}]; runpy.run_path('go.py', run_name='__main__')"
     return run(sys.executable, "-c", start, cwd=clone)
 
 

@@ -98,6 +98,19 @@ def test_a_growing_field_is_shown_in_its_cells_on_a_scale_that_ends_at_a_round_n
     assert pictures.of("warmth") is pictures.of("warmth")
 
 
+def test_a_still_field_with_hidden_hills_is_drawn_anew_when_walls_have_changed(tmp_path: Path) -> None:
+    wall = '\n[[world.walls]]\npoints = [["300m", "500m"], ["300m", "1km"]]\n'
+    text = FIELDS.replace('shape = "linear"', 'shape = "linear", hidden = true')
+    simulator = Simulator(small(tmp_path, ("format = 1", "format = 2"), more=text + wall), 3)
+    pictures = FieldPictures(simulator)
+    before = pictures.of("warmth")
+    assert values(before)[96, 64] == 0, "in the shadow"
+    assert still_picture(simulator.scenario, "warmth") == before
+    simulator.world.clear()
+    assert values(pictures.of("warmth"))[96, 64] > 0
+    assert pictures.of("warmth") is pictures.of("warmth")
+
+
 def test_a_field_that_dies_away_is_empty_at_last(tmp_path: Path) -> None:
     """Its amounts end as the least number that there is, below any power of ten."""
     text = FIELDS.replace('rate = 0.5\nlaw = "constant"', 'rate = -20\nlaw = "logistic"')

@@ -11,6 +11,7 @@ from sleepcast.core.units import value_in_words
 from sleepcast.simulator import Scenario, Simulator
 from sleepcast.simulator.bodies.field_map import FieldMap, coarse, still_map
 from sleepcast.simulator.scenario.fields import Field, ScalarField
+from sleepcast.simulator.world.world import World
 
 MAX_CELLS = 128
 """Cells along the longer side of a map: 16 kilobytes at most, or twice as many where it has directions."""
@@ -25,26 +26,32 @@ def shown_fields(scenario: Scenario) -> tuple[ShownField, ...]:
     return tuple(ShownField(field.name, field.about, _grows(field)) for field in scenario.fields)
 
 
-def still_picture(scenario: Scenario, name: str) -> FieldPicture:
-    """A field that does not grow, or how one that does began."""
+def still_picture(scenario: Scenario, name: str, world: World | None = None) -> FieldPicture:
+    """A field that does not grow, or how one that does began. world: see `still_map`."""
     field = next(each for each in scenario.fields if each.name == name)
-    return _picture(still_map(field, scenario, MAX_CELLS), field)
+    return _picture(still_map(field, scenario, MAX_CELLS, world), field)
 
 
 class FieldPictures:
-    """The fields of a simulated world as they are now; those that do not grow are drawn once."""
+    """The fields of a simulated world as they are now; those that do not grow are drawn once for all walls that do
+    not move."""
 
     def __init__(self, simulator: Simulator) -> None:
         self._simulator = simulator
         self._still: dict[str, FieldPicture] = {}
+        self._world_version = simulator.world.version
 
     def of(self, name: str) -> FieldPicture:
         """One of them, by its name."""
         amount, scenario = self._simulator.senses.amount(name), self._simulator.scenario
         if amount is not None:
             return _picture(coarse(amount, MAX_CELLS), next(each for each in scenario.fields if each.name == name))
+        world = self._simulator.world
+        if self._world_version != world.version:
+            self._world_version = world.version
+            self._still.clear()
         if name not in self._still:
-            self._still[name] = still_picture(scenario, name)
+            self._still[name] = still_picture(scenario, name, world)
         return self._still[name]
 
 

@@ -8,9 +8,12 @@ import numpy as np
 
 from sleepcast.core.records import dataclass
 from sleepcast.simulator.bodies.bodies import Floats
+from sleepcast.simulator.bodies.line_of_sight import BetweenWalls
 from sleepcast.simulator.bodies.local_fields import cell_middles, flow, values
+from sleepcast.simulator.engine import NumPyMachine
 from sleepcast.simulator.scenario.fields import Field, VectorField
 from sleepcast.simulator.scenario.scenario import Scenario
+from sleepcast.simulator.world.world import World
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,8 +25,12 @@ class FieldMap:
     angles: Floats | None = None
 
 
-def still_map(field: Field, scenario: Scenario, most: int) -> FieldMap:
-    """A field of a scenario that does not grow, or the start of one that does. most: cells along the longer side."""
+def still_map(field: Field, scenario: Scenario, most: int, world: World | None = None) -> FieldMap:
+    """A field of a scenario that does not grow, or the start of one that does.
+
+    most: cells along the longer side
+    world: whose walls hide hills; by default those with which the scenario begins
+    """
     side = max(scenario.width, scenario.height) / most
     columns, rows = (max(1, ceil(each / side - 1e-9)) for each in (scenario.width, scenario.height))
     size = (scenario.width, scenario.height)
@@ -31,7 +38,8 @@ def still_map(field: Field, scenario: Scenario, most: int) -> FieldMap:
     if isinstance(field, VectorField):
         east, north = (each.reshape(rows, columns) for each in flow(field, x, y, scenario.around))
         return FieldMap(np.hypot(east, north), np.arctan2(north, east))
-    return FieldMap(values(field, x, y, size, scenario.around)[0].reshape(rows, columns))
+    sight = BetweenWalls(scenario, World(scenario.shapes) if world is None else world, NumPyMachine())
+    return FieldMap(values(field, x, y, size, scenario.around, sight.any_between)[0].reshape(rows, columns))
 
 
 def coarse(amount: Floats, most: int) -> FieldMap:

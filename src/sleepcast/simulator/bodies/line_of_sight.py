@@ -11,27 +11,46 @@ from sleepcast.simulator.world.sight import Ends, Flags, SightLines, crossings, 
 from sleepcast.simulator.world.world import World
 
 
-class LineOfSight:
+class BetweenWalls:
+    """What walls hide. walls: the solids of the world; up to date after `keep_up`."""
+
+    def __init__(self, scenario: Scenario, world: World, machine: Machine) -> None:
+        self.walls = SightLines((scenario.width, scenario.height), scenario.around)
+        self._world, self._machine, self._around = world, machine, scenario.around
+
+    def keep_up(self) -> None:
+        """Take over what has changed in the world."""
+        self.walls.keep_up(self._world)
+
+    def any_between(self, x: Floats, y: Floats, to_x: Floats, to_y: Floats) -> Flags:
+        """Whether walls lie between each point x, y and `to_x`, `to_y`, m; on a torus the shortest way."""
+        self.keep_up()
+        return self._machine.hidden(self.walls, *self._ends(x, y, to_x, to_y))
+
+    def count_between(self, x: Floats, y: Floats, to_x: Floats, to_y: Floats) -> Whole:
+        """How many walls do."""
+        self.keep_up()
+        return crossings(self.walls, *self._ends(x, y, to_x, to_y))
+
+    def _ends(self, x: Floats, y: Floats, to_x: Floats, to_y: Floats) -> Ends:
+        across, up = self._around
+        return x, y, unrolled(x, to_x, across), unrolled(y, to_y, up)
+
+
+class LineOfSight(BetweenWalls):
     """The lines of sight among bodies at x, y (m, changed in place).
 
     radii: of the bodies, m
-    walls: the solids of the world; up to date after `keep_up`
     moved: whether bodies have moved since they were last looked at; set by who moves them
     """
 
     def __init__(
         self, scenario: Scenario, world: World, machine: Machine, places: tuple[Floats, Floats], radii: Floats
     ) -> None:
-        size = scenario.width, scenario.height
-        self.walls = SightLines(size, scenario.around)
-        self._discs = SightLines(size, scenario.around)
+        super().__init__(scenario, world, machine)
+        self._discs = SightLines((scenario.width, scenario.height), scenario.around)
         self.moved = True
-        self._world, self._machine, self._around = world, machine, scenario.around
         self._places, self._radii, self._bodies_hide = places, radii, scenario.sight.bodies_hide
-
-    def keep_up(self) -> None:
-        """Take over what has changed in the world."""
-        self.walls.keep_up(self._world)
 
     def behind_walls(self, robots: Whole, seen_x: Floats, seen_y: Floats) -> Flags:
         """Whether walls hide from each of these robots what stands at `seen_x`, `seen_y`, m."""
@@ -57,20 +76,6 @@ class LineOfSight:
         found[left] = hidden(self._discs, *lines, passing=passing)
         return found
 
-    def any_between(self, x: Floats, y: Floats, to_x: Floats, to_y: Floats) -> Flags:
-        """Whether walls lie between each point x, y and `to_x`, `to_y`, m; on a torus the shortest way."""
-        self.keep_up()
-        return self._machine.hidden(self.walls, *self._ends(x, y, to_x, to_y))
-
-    def count_between(self, x: Floats, y: Floats, to_x: Floats, to_y: Floats) -> Whole:
-        """How many walls do."""
-        self.keep_up()
-        return crossings(self.walls, *self._ends(x, y, to_x, to_y))
-
     def _lines(self, robots: Whole, seen_x: Floats, seen_y: Floats) -> Ends:
         x, y = (each[robots] for each in self._places)
         return self._ends(x, y, seen_x, seen_y)
-
-    def _ends(self, x: Floats, y: Floats, to_x: Floats, to_y: Floats) -> Ends:
-        across, up = self._around
-        return x, y, unrolled(x, to_x, across), unrolled(y, to_y, up)

@@ -7,7 +7,7 @@ on every processor. Lengths in m, values in SI.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,8 @@ from sleepcast.simulator.world.torus import Around
 
 Sensed = tuple[Floats, Floats, Floats]
 """Value, slope to the east and slope to the north (per m), one for each point."""
+Hides = Callable[[Floats, Floats, Floats, Floats], NDArray[np.bool_]]
+"""Whether walls lie between points: x and y of each and of what it looks at, m. See `BetweenWalls.any_between`."""
 ROOT_OF_E = 1.6487212707001282
 
 
@@ -89,7 +91,7 @@ class LocalFields:
             if cells is not None:
                 value, dx, dy = cells.read(bodies.x, bodies.y)
             else:
-                value, dx, dy = values(field, bodies.x, bodies.y, size, scenario.around)
+                value, dx, dy = values(field, bodies.x, bodies.y, size, scenario.around, bodies.sight.any_between)
             rows[0] = value
             rows[1], rows[2] = self._turned(dx, dy)
 
@@ -104,11 +106,17 @@ class LocalFields:
 # ---- values at points
 
 
-def values(field: ScalarField, x: Floats, y: Floats, size: tuple[float, float], around: Around) -> Sensed:
+def values(field: ScalarField, x: Floats, y: Floats, size: tuple[float, float], around: Around, hides: Hides) -> Sensed:
     """A field that does not grow, or the start of one that does. size: of the world; around: of a torus."""
     value, dx, dy = np.full(x.size, field.base), np.zeros(x.size), np.zeros(x.size)
     for hill in field.hills:
-        for total, part in zip((value, dx, dy), _hill(hill, x, y, around), strict=True):
+        parts = _hill(hill, x, y, around)
+        if hill.hidden:
+            here = np.flatnonzero(parts[0])
+            behind = here[hides(x[here], y[here], np.full(here.size, hill.x), np.full(here.size, hill.y))]
+            for part in parts:
+                part[behind] = 0.0
+        for total, part in zip((value, dx, dy), parts, strict=True):
             total += part
     for zone in field.zones:
         value[inside(zone.shape, x, y)] += zone.value
@@ -172,7 +180,7 @@ def _cells_of(bodies: Bodies, field: ScalarField) -> GrowingField | None:
     scenario, growth = bodies.scenario, field.growth
     size = (scenario.width, scenario.height)
     x, y = cell_middles(growth.columns, growth.rows, size)
-    start = values(field, x, y, size, scenario.around)[0].reshape(growth.rows, growth.columns)
+    start = values(field, x, y, size, scenario.around, bodies.sight.any_between)[0].reshape(growth.rows, growth.columns)
     return GrowingField(growth, size, scenario.torus, scenario.tick, bodies.count, start)
 
 

@@ -18,6 +18,7 @@ from sleepcast.core.records import dataclass
 from sleepcast.core.settings import SettingsError, Table, checked_name
 from sleepcast.core.units import LENGTH, NONE, UNITS, Dimension
 from sleepcast.simulator.scenario.robot_settings import LEAST, MAX_WORLD
+from sleepcast.simulator.scenario.signals import refuse_sight
 from sleepcast.simulator.world.ros_map import picture
 from sleepcast.simulator.world.world import Area, Circle
 
@@ -39,13 +40,18 @@ MAX_VALUE = 1e9
 
 @dataclass(frozen=True, slots=True)
 class Hill:
-    """`peak` at (x, y) in m. gaussian: `radius` (m) is its standard deviation; else it falls linearly to 0 there."""
+    """`peak` at (x, y) in m.
+
+    gaussian: `radius` (m) is its standard deviation; else it falls linearly to 0 there
+    hidden: whether it adds nothing behind a wall
+    """
 
     x: float
     y: float
     peak: float
     radius: float
     gaussian: bool
+    hidden: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,12 +130,15 @@ class VectorField:
 Field = ScalarField | VectorField
 
 
-def read_fields(root: Table, size: tuple[float, float], tick: float, taken: Sequence[str]) -> tuple[Field, ...]:
+def read_fields(
+    root: Table, size: tuple[float, float], tick: float, taken: Sequence[str], version: int
+) -> tuple[Field, ...]:
     """The tables `[fields.NAME]`.
 
     size: of the world, m
     tick: s
     taken: names already in use
+    version: of the scenario's format
     """
     fields: list[Field] = []
     known = {name.casefold() for name in taken}
@@ -137,7 +146,7 @@ def read_fields(root: Table, size: tuple[float, float], tick: float, taken: Sequ
         checked_name(root.table("fields"), name)
         with table:
             vector = table.text("kind", "scalar", choices=("scalar", "vector")) == "vector"
-            field = _vector(table, name, size) if vector else _scalar(table, name, size, tick)
+            field = _vector(table, name, size) if vector else _scalar(table, name, size, tick, version)
         for sensor in field_sensors([field]):
             if sensor.name.casefold() in known:
                 raise root.table("fields").error(
@@ -178,7 +187,7 @@ def _unit(table: Table) -> str:
     return table.text("unit", "", choices=("", *UNITS))
 
 
-def _scalar(table: Table, name: str, size: tuple[float, float], tick: float) -> ScalarField:
+def _scalar(table: Table, name: str, size: tuple[float, float], tick: float, version: int) -> ScalarField:
     unit = _unit(table)
     dimension = UNITS[unit].dimension if unit else NONE
 
@@ -189,7 +198,9 @@ def _scalar(table: Table, name: str, size: tuple[float, float], tick: float) -> 
     for each in table.array("hills", most=MAX_PARTS):
         with each:
             gaussian = each.text("shape", "gaussian", choices=("gaussian", "linear")) == "gaussian"
-            hills.append(Hill(*_at(each, size), value(each, "peak"), _radius(each), gaussian))
+            refuse_sight(each, "hidden", version)
+            hidden = each.flag("hidden", False)
+            hills.append(Hill(*_at(each, size), value(each, "peak"), _radius(each), gaussian, hidden))
     zones = []
     for each in table.array("zones", most=MAX_PARTS):
         with each:

@@ -259,7 +259,7 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> t
         lights = read_lights(root, size, [place.name for place in places])
         tick = root.number("tick", TIME, 0.1, low=0.001, high=60.0)
         taken = [*BODY_NAMES, *SIGNAL_NAMES, *(f"{place.name}_{axis}" for place in places for axis in "xy")]
-        local_fields = read_fields(root, size, tick, taken)
+        local_fields = read_fields(root, size, tick, taken, version)
         taken += [sensor.name for sensor in field_sensors(local_fields)]
         specs = tuple(read_robots(*each, size, taken) for each in zip(tables, counts(), groups, rows, strict=True))
         robots = replace(combined(tables, specs), count=count())

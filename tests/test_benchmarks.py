@@ -299,12 +299,14 @@ def test_the_gym_benchmark_counts_steps() -> None:
 
 @pytest.mark.nightly
 def test_the_neighbours_benchmark_times_every_function_and_has_its_bar() -> None:
-    command = [sys.executable, "-m", "benchmarks.neighbours", "--robots", "100", "--quick", "--json"]
+    command = [sys.executable, "-m", "benchmarks.neighbours", "--robots", "200", "--quick", "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert all(len(each) == 5 and min(each.values()) > 0.0 for each in found["ms"].values())
     assert all(len(each) == 4 and min(each.values()) > 0.0 for each in found["forms"].values())
+    assert len(found["sight"]) == 8
+    assert all(min(row["hidden"], row["through"]) > 0.0 for row in found["sight"])
     assert found["bar"]["value"] is None  # it is about ten thousand robots
 
 

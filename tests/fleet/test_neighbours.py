@@ -13,6 +13,7 @@ import sleepcast as sc
 from machines import ALL, MACHINES
 from sleepcast.core.neighbours import nearest_id
 from sleepcast.language import FreshNames, Vocabulary, check
+from sleepcast.language.explain import explain
 from sleepcast.loop import Swarm
 from sleepcast.mind.telemetry import read_vocabulary, vocabulary_text
 from sleepcast.node.node import Node
@@ -150,6 +151,33 @@ def test_of_very_many_neighbours_the_nearest_count(tmp_path: Path, machine: Mach
     ):
         (found,) = fleet.evaluate(text, [robot])
         assert found.values.tolist() == [wanted], text
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+def test_who_goes_through_the_nearest_only_reports_it_once(tmp_path: Path, machine: Machine) -> None:
+    """258 robots in one place, and 257 in another, of which each has 256 neighbours."""
+    sim = world(tmp_path, machine, robots=515)
+    sim.bodies.x[:], sim.bodies.y[:] = np.where(np.arange(515) < 258, 100.0, 900.0), 500.0
+    sim.bodies.forget()
+    swarm = Swarm(sim)
+    fleet, text = swarm.fleet, "(WHEN (> (SUM-OVER (n 10m) 1) 9999) (MARK))"
+    assert set(fleet.values_of("(SUM-OVER (n 10m) 1)", 0.0).tolist()) == {256.0}
+    assert fleet.outbox.empty, "who asks makes nobody report"
+    some = [0, 300]
+    views, whole = list(fleet.values()), "goes through the nearest 256 neighbours only, of"
+    nodes = [Node("one", swarm.vocabulary, number=robot + 1, seed=sim.seed, body=sim.robots[robot]) for robot in some]
+    for turn in range(2):
+        (found,) = fleet.evaluate(text, some)
+        for robot, node in zip(some, nodes, strict=True):
+            together, single = views[robot].result(found, 0), node.evaluate(text)
+            assert together.printed == single.printed == (((whole, (257.0,)),) if (robot, turn) == (0, 0) else ())
+            for why in (node.why().render(), explain(together.recall()).render()):
+                assert f"256 neighbours{': the nearest of 257' if robot == 0 else ''}\n" in why
+    assert [message.body["values"] for message in fleet.outbox.of(0)] == [[257.0]]
+    again = Swarm(sim).fleet
+    again.state.restore(fleet.state.state())
+    again.evaluate(text, some)
+    assert again.outbox.empty, "it goes on as it was"
 
 
 STEERED = (

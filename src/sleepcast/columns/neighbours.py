@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sleepcast.columns.values import Column, Index, Mask, Rows
+from sleepcast.core.neighbours import NearIds
 
 MAX_PAIRS = 1 << 16
 """Pairs of robots and neighbours looked at together: a few columns of them stay in the processor's caches."""
@@ -46,17 +47,20 @@ class NeighbourLists(NamedTuple):
     first: where those of each robot begin, and after the last one of all
     ids: ascending for each robot
     known: of which robots they are known, None for all
+    totals: of how many neighbours of each robot these are the nearest, None if they are all
     """
 
     first: Index
     ids: Column
     known: Mask | None = None
+    totals: Index | None = None
 
-    def of(self, index: int) -> tuple[float, ...] | None:
+    def of(self, index: int) -> NearIds | None:
         """Those of one robot, None if they are not known."""
         if self.known is not None and not self.known[index]:
             return None
-        return tuple(self.ids[self.first[index] : self.first[index + 1]].tolist())
+        ids = self.ids[self.first[index] : self.first[index + 1]].tolist()
+        return NearIds.of(ids, len(ids) if self.totals is None else int(self.totals[index]))
 
     def pieces(self) -> Iterator[tuple[int, int]]:
         """The robots in pieces, from one to another (exclusive), that have a bearable number of neighbours together."""
@@ -90,16 +94,20 @@ class NeighbourLists(NamedTuple):
         """The same from a list for each robot, None where they are not known."""
         first = np.cumsum([0, *(len(each or ()) for each in lists)])
         ids = np.array([neighbour for each in lists for neighbour in each or ()], np.float64)
-        return cls(first, ids, np.array([each is not None for each in lists]) if None in lists else None)
+        totals = np.array([each.total if isinstance(each, NearIds) else len(each or ()) for each in lists])
+        known = np.array([each is not None for each in lists]) if None in lists else None
+        return cls(first, ids, known, totals if (totals > np.diff(first)).any() else None)
 
     def spread(self, known: Mask) -> NeighbourLists:
         """The same for more robots: these are the `known` ones, and of the others they are not known."""
         counts = np.zeros(known.size, np.intp)
         counts[known] = np.diff(self.first)
-        everywhere = known.copy()
+        everywhere, totals = known.copy(), None if self.totals is None else counts.copy()
         if self.known is not None:
             everywhere[known] = self.known
-        return NeighbourLists(np.concatenate(([0], np.cumsum(counts))), self.ids, everywhere)
+        if self.totals is not None and totals is not None:
+            totals[known] = self.totals
+        return NeighbourLists(np.concatenate(([0], np.cumsum(counts))), self.ids, everywhere, totals)
 
 
 class Fold:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from math import nan
 from typing import Any
@@ -23,9 +23,32 @@ SHOWN = {
 """What is seen of every neighbour: its unit, and a description."""
 
 
-def listed(neighbours: NeighbourSensor, body: object, most: int, arguments: Sequence[float]) -> tuple[float, ...]:
-    """The ids of the neighbours of one robot, ascending. Raises whatever the robot's own software raises."""
-    return tuple(sorted({float(neighbour) for neighbour in neighbours.call(body, most, *arguments)})[:most])
+EVERY = 1 << 20
+"""More neighbours than any robot has: to ask how many there are."""
+
+
+class NearIds(tuple[float, ...]):
+    """Ids of neighbours, ascending. total: of how many neighbours these are the nearest."""
+
+    total: int
+
+    @classmethod
+    def of(cls, ids: Iterable[float], total: int) -> NearIds:
+        near = cls(ids)
+        near.total = total
+        return near
+
+
+def listed(neighbours: NeighbourSensor, body: object, most: int, arguments: Sequence[float]) -> NearIds:
+    """The ids of the neighbours of one robot. Raises whatever the robot's own software raises."""
+    near = sorted({float(neighbour) for neighbour in neighbours.call(body, most, *arguments)})[:most]
+    total = len({*map(float, neighbours.call(body, EVERY, *arguments))}) if len(near) == most else 0
+    return NearIds.of(near, max(total, len(near)))
+
+
+def crowded(most: int) -> str:
+    """What a robot reports, with their number, when it has more neighbours than a form goes through."""
+    return f"goes through the nearest {most} neighbours only, of"
 
 
 def field_named(

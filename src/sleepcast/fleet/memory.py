@@ -16,7 +16,7 @@ from sleepcast.columns.evaluation import Programs, by_the_living
 from sleepcast.columns.neighbours import NeighbourLists
 from sleepcast.columns.values import Column, Index, Mask, Rows
 from sleepcast.core.model import HostFunction, NeighbourSensor
-from sleepcast.core.neighbours import listed
+from sleepcast.core.neighbours import EVERY, crowded, listed
 from sleepcast.fleet.bodies import ManyBodies
 from sleepcast.fleet.evaluation import FleetEvaluation
 from sleepcast.fleet.messages import Outbox
@@ -267,6 +267,21 @@ class FleetMemory(FleetEvaluation):
     def repeatable(self) -> bool:
         return super().repeatable and self.hosts is None
 
+    def near(self, part: Part, rows: Rows, *arguments: Column) -> NeighbourLists:
+        """See `Evaluation.near`; a robot reports once that it has more neighbours than it goes through."""
+        near = super().near(part, rows, *arguments)
+        if near.totals is None or self.script is not None:
+            return near
+        most, totals = int(part.number), near.totals
+        new = (totals > most) & ~self.state.crowded[rows.index]
+        if new.any():
+            some, label, values = rows.take(new), crowded(most), [totals[new].astype(np.float64)]
+            self.state.crowded[some.index] = True
+            self.outbox.report(some, label, values)
+            if self.printed is not None:
+                self.printed.append((some.robots, label, values))
+        return near
+
     def sensed(self, part: Part, rows: Rows, *arguments: Column) -> NeighbourLists:
         """See `Evaluation.sensed`; any exception of a robot's own software becomes a fault."""
         function, sensor = sensor_of(part)
@@ -275,7 +290,13 @@ class FleetMemory(FleetEvaluation):
             given = [next(self.script) for _ in range(rows.size)]
         elif self._many is not None and sensor.many is not None:
             first, ids = sensor.many(self._many, rows.robots, most, *arguments)
+            full = np.diff(first) == most
             near = NeighbourLists(first, ids.astype(np.float64))
+            if full.any():
+                every, _ = sensor.many(self._many, rows.robots[full], EVERY, *(column[full] for column in arguments))
+                totals = np.diff(first)
+                totals[full] = np.maximum(np.diff(every), most)
+                near = near._replace(totals=totals)
             if self.hosts is not None:
                 self.hosts.append((rows, near))
             return near

@@ -24,7 +24,8 @@ Value = TypeVar("Value")
 
 class ColumnsState(msgspec.Struct):
     """`FleetState`: its values, its arrays by name, which robots have assigned each actuator (by slot, where any has),
-    and the latches with each robot's index into them (`orders`)."""
+    the latches with each robot's index into them (`orders`), and which robots have reported that they are crowded, if
+    any has."""
 
     values: ValuesState
     arrays: Arrays
@@ -32,6 +33,7 @@ class ColumnsState(msgspec.Struct):
     orders: Arrays = {}
     latches: list[Latch] = []
     telling: Arrays = {}
+    crowded: Array | None = None
 
 
 class TelemetryState(msgspec.Struct):

@@ -102,6 +102,11 @@ class FleetState(ValueColumns):
         """Whether a TELL has been refused since the robot was last below its rate."""
         return np.zeros(self.count, np.bool_)
 
+    @cached_property
+    def crowded(self) -> Mask:
+        """Whether each robot has reported that it had more neighbours than a form goes through."""
+        return np.zeros(self.count, np.bool_)
+
     def turn(self, rows: Rows, mind: int) -> None:
         """Give these robots a mind."""
         self.mind[rows.index] = mind
@@ -157,6 +162,7 @@ class FleetState(ValueColumns):
             dump_arrays({"latch": self.latch.column}),
             self.latch.values,
             dump_arrays(self._telling()),
+            Array.of(self.crowded) if self.crowded.any() else None,
         )
 
     def restore(self, state: ColumnsState) -> None:
@@ -173,6 +179,8 @@ class FleetState(ValueColumns):
         }
         if state.telling:  # absent in states saved before the rate of TELL was bounded
             load_arrays(state.telling, self._telling())
+        none = np.zeros(self.count, np.bool_)
+        self.crowded[:] = none if state.crowded is None else state.crowded.made(np.bool_, none.shape, "who is crowded")
         if state.latches:  # absent in states saved before STOPs were identified by number: the next RELEASE ends them
             latch = np.zeros(self.count, np.int32)
             load_arrays(state.orders, {"latch": latch})

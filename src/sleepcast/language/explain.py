@@ -11,6 +11,7 @@ from dataclasses import replace
 from functools import cached_property
 from math import isnan, nan
 
+from sleepcast.core.neighbours import NearIds
 from sleepcast.core.records import dataclass
 from sleepcast.core.units import value_in_words
 from sleepcast.language.evaluate import Entered, Memory, Walker, is_true, too_deep
@@ -272,8 +273,8 @@ class Tracer(Walker):
         unknown = sum(map(isnan, values))
         words = f"{len(near)} neighbour{'' if len(near) == 1 else 's'}"
         words += f", unknown of {unknown} of them" if unknown else ""
-        most = int(part.number)
-        self.around[part.index] = words + (f": the nearest {most}" if len(near) == most else "")
+        total = near.total if isinstance(near, NearIds) else len(near)
+        self.around[part.index] = words + (f": the nearest of {total}" if total > len(near) else "")
 
     def enter(self, part: Part, program: Entered | None, arguments: Sequence[float]) -> float:
         memory = self.memory

@@ -11,7 +11,7 @@ from math import inf, nan
 from weakref import WeakKeyDictionary
 
 from sleepcast.core.errors import SleepcastError
-from sleepcast.core.neighbours import listed
+from sleepcast.core.neighbours import crowded, listed
 from sleepcast.core.records import dataclass
 from sleepcast.language.acts import FLAGS
 from sleepcast.language.functions import MAX_HOPS
@@ -101,6 +101,8 @@ class RobotMemory:
         """Whether functions that act are refused: the robot is stopped and its body has no latch of its own."""
         self.dropped = 0
         """Number of assignments and calls that were not passed to the body because a value was unknown."""
+        self.crowded = False
+        """Whether it has reported that it had more neighbours than a form goes through."""
         self._key, self._draws = stream(seed, number), 0
         self.proven: RuleSet = {}
         self.unproven_since = 0
@@ -263,6 +265,9 @@ class RobotMemory:
                 near = listed(sensor, self.body, int(part.number), arguments)
             except Exception as error:
                 self.refuse(part, failed(function, error))
+        if near is not None and near.total > len(near) and not self.crowded:
+            self.crowded = True
+            self.output.report(crowded(int(part.number)), (float(near.total),))
         if self.answers is not None:
             self.answers.append(near)
         return near

@@ -19,7 +19,7 @@ from sleepcast.channel.message_batch import natural_order
 from sleepcast.core.errors import listed, printable
 from sleepcast.core.model import Constant, HostFunction
 from sleepcast.language import Checked, check
-from sleepcast.language.functions import ABOUT_NEIGHBOURS, FUNCTIONS, MANY, NEIGHBOURS, PRIORITY
+from sleepcast.language.functions import ABOUT_NEIGHBOURS, FUNCTIONS, MANY, NEIGHBOURS
 from sleepcast.language.reader import List, Symbol, read, walk
 from sleepcast.language.symbols import Declared
 from sleepcast.language.vocabulary import NEW_FORMS, Binding, Variable, Vocabulary
@@ -30,7 +30,7 @@ FEW = 3
 """Robots in a sentence."""
 WITHOUT_THESE = "send this by name to robots that know it (--only), or update these first"
 """What to do about robots that would refuse a text with a new form."""
-NEW_WORDS = re.compile(rf"(?<![\w-])({'|'.join(map(re.escape, sorted({PRIORITY, *ABOUT_NEIGHBOURS})))})(?![\w-])", re.I)
+NEW_WORDS = re.compile(rf"(?<![\w-])({'|'.join(map(re.escape, sorted(NEW_FORMS | ABOUT_NEIGHBOURS)))})(?![\w-])", re.I)
 """What a text has in it that has a new form; so may others."""
 
 

@@ -4,6 +4,7 @@ what each robot by itself comes to, bit for bit."""
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import nan
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 
 import sleepcast as sc
 from machines import ALL, MACHINES
+from sleepcast.core.errors import SleepcastError
 from sleepcast.core.neighbours import nearest_id
 from sleepcast.language import FreshNames, Vocabulary, check
 from sleepcast.language.explain import explain
@@ -29,6 +31,7 @@ FORMS = """
 reach = "12m"
 loss = {loss}
 noise = {noise}
+shows_groups = ["bravo"]
 [neighbours.shares]
 opinion = ""
 fuel = "%"
@@ -50,6 +53,7 @@ TEXTS = (
     "(MEAN-OVER (n 12m) (/ 1 (OF n colour)))",
     "(LET ((far 0)) (FOR-NEIGHBOURS (n 12m) (SETQ far (+ (/ far 2) (OF n distance)))) far)",
     "(SUM-OVER (n (* 2m (NEAREST_DIST 12m))) (OF n x))",
+    "(SUM-OVER (n 12m) (IF (OF n bravo) n (- n)))",
     "(NEAREST_ID 12m)",
     "(NEAREST_ID 12m 1)",
     "(OF (NEAREST_ID 12m) heading)",
@@ -85,6 +89,7 @@ def world(
         assert many
         showing = np.arange(0, robots, 1 if name == "COLOUR" else 2)
         many(sim.robots, showing, values[showing])
+    sim.senses.show_groups(range(0, robots, 3), {"bravo": 1.0})
     bodies.forget()
     sim.senses.step()
     return sim
@@ -204,6 +209,50 @@ def test_worlds_and_runs_that_go_on_equal_one_run() -> None:
             assert other.time == alone.time
             assert np.array_equal(other["v"], alone["v"])
             assert other.hash == alone.hash
+
+
+SHOWING = '[neighbours]\nreach = "2km"\nshows_groups = ["bravo", "Late"]\n'
+SEEN = "(RULE look (PROGN (DEFVAR v 0) (SETQ v (COUNT-OVER (n 2km) (OF n bravo))) (SETQ w (OF 1 late))))"
+
+
+def test_neighbours_see_who_is_in_a_group_from_the_next_tick_on(tmp_path: Path) -> None:
+    file = write(tmp_path, ("count = 20", "count = 12"), more=SHOWING)
+    with sc.open(file, seed=4) as alone:
+        for text in ("(DEFVAR w 0)", SEEN, "(WHEN (< id 5) (JOIN bravo))", "(WHEN (= id 1) (JOIN late))"):
+            alone.send(text, everybody=True)
+            alone.run(1.0)
+        assert alone["v"].tolist() == [3.0] * 4 + [4.0] * 8
+        assert np.array_equal(alone["w"], [nan] + [1.0] * 11, equal_nan=True), "nobody is its own neighbour"
+        alone.send("(WHEN (= id 2) (LEAVE bravo))", everybody=True)
+        alone.run(0.2)
+        middle = alone.snapshot()
+        alone.run(0.8)
+        assert alone["v"].tolist() == [2.0, 3.0, 2.0, 2.0] + [3.0] * 8
+        with sc.resume(middle) as resumed:
+            resumed.run(0.8)
+            assert (resumed["v"].tolist(), resumed.hash) == (alone["v"].tolist(), alone.hash)
+        worlds = sc.open_many(file, seeds=[3, 4])
+        for text in ("(DEFVAR w 0)", SEEN, "(WHEN (< id 5) (JOIN bravo))"):
+            worlds.send(text, everybody=True)
+            worlds.run(1.0)
+        assert [world["v"].tolist() for world in worlds] == [[3.0] * 4 + [4.0] * 8] * 2
+        shown = check("(OF 3 brvo)", FreshNames(alone.swarm.vocabulary)).findings
+        assert [finding.message for finding in shown] == ['neighbours show no "brvo" at 1:7 (did you mean bravo?)']
+
+
+@pytest.mark.parametrize(
+    ("names", "why"),
+    [
+        ('["x"]', "neighbours show something else as x"),
+        ('["a", "A"]', "neighbours show something else as A"),
+        ('["2a"]', "is no name: wanted a letter"),
+        ('"bravo"', "wanted a list of up to 8 names"),
+    ],
+)
+def test_groups_that_cannot_be_shown_are_refused(tmp_path: Path, names: str, why: str) -> None:
+    file = write(tmp_path, more=SHOWING.replace('["bravo", "Late"]', names))
+    with pytest.raises(SleepcastError, match=why):
+        load(file)
 
 
 def test_what_neighbours_show_is_known_far_away() -> None:

@@ -380,6 +380,14 @@ class Table:
         table = Table(self.document, {f"number {i + 1}": each for i, each in enumerate(value)}, (*self.where, key))
         return tuple(table.whole(name, low=low, high=high) for name in table.values)
 
+    def texts(self, key: str, *, most: int) -> tuple[str, ...]:
+        """Up to `most` texts, none unless they are given."""
+        value = self._value(key, [])
+        if not isinstance(value, list) or len(value) > most:
+            self._refuse(key, f'a list of up to {most} names, such as ["bravo"],', value)
+        table = Table(self.document, {f"name {i + 1}": each for i, each in enumerate(value)}, (*self.where, key))
+        return tuple(table.text(name) for name in table.values)
+
     def numbers(self, key: str, shape: Sequence[str]) -> tuple[float, ...]:
         """As many plain finite numbers as `shape` has names for."""
         value = self._value(key, None)

@@ -387,6 +387,7 @@ class NetworkSwarm:
         node, body = member.node, self.simulator.robots[member.number]
         node.think(self.simulator.tick, now)
         act(node, body)
+        self.simulator.senses.show_groups([member.number], dict.fromkeys(node.groups, 1.0))
         for caste in node.pings:
             self.simulator.ping(member.number, caste)
         node.pings.clear()

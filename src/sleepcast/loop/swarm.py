@@ -368,8 +368,9 @@ def step_swarm(swarm: Swarm) -> None:
 
 
 def _act(swarm: Swarm) -> None:
-    """Pass assigned actuators to the bodies. The last value stays in force until DRIVE or a similar function replaces
-    it."""
+    """Pass assigned actuators to the bodies, and which groups they are in. The last value of an actuator stays in force
+    until DRIVE or a similar function replaces it."""
+    swarm.simulator.senses.show_groups(slice(None), swarm.fleet.groups)
     for actuator in swarm.actuators:
         robots, values = swarm.fleet.actuators(actuator)
         if values.size:
@@ -477,6 +478,7 @@ def _think(swarm: Swarm) -> None:
     if swarm.thought.size:
         swarm.sense(swarm.thought, sonars=_heard(swarm))
         swarm.fleet.think(swarm.simulator.tick, swarm.now(), swarm.thought)
+        swarm.simulator.senses.show_groups(slice(None), swarm.fleet.groups)  # the next ticks may be quiet ones
 
 
 def _heard(swarm: Swarm) -> bool | Collection[int]:

@@ -40,7 +40,7 @@ from sleepcast.simulator.scenario.robot_settings import (
 )
 from sleepcast.simulator.scenario.robot_types import given_names, slices
 from sleepcast.simulator.scenario.scenario import Scenario
-from sleepcast.simulator.scenario.signals import MAX_LIGHTS, MAX_QUEUE, MAX_SHARES
+from sleepcast.simulator.scenario.signals import MAX_LIGHTS, MAX_QUEUE, MAX_SHARES, MAX_SHOWN_GROUPS
 from sleepcast.simulator.scenario.starts import MAX_STARTS, SLACK, Formation, Starts, start_columns
 from sleepcast.simulator.scenario.stocks import MAX_STOCKS
 from sleepcast.simulator.simulation import Simulator
@@ -229,6 +229,7 @@ def _bounds(scenario: Scenario) -> Iterator[tuple[str, float, float, float]]:
         yield "pings waiting", scenario.pings.queue, 1, MAX_QUEUE
     if scenario.neighbours is not None:
         yield "shared numbers", len(scenario.neighbours.shares), 0, MAX_SHARES
+        yield "groups that neighbours see", len(scenario.neighbours.shows_groups), 0, MAX_SHOWN_GROUPS
         yield "shared numbers of no known unit", len({*scenario.neighbours.shares.values()} - {"", *UNITS}), 0, 0
     stores = {store.name for store in scenario.robots.stores} | {""}
     yield "stocks", len(scenario.stocks), 0, MAX_STOCKS

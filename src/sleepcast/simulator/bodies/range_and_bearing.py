@@ -8,7 +8,7 @@ no result depends on the order of the robots. Walls hide neighbours if the scena
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -16,7 +16,7 @@ from math import ceil, inf
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from sleepcast.core.angles import CANCELLED
 from sleepcast.core.counter_rng import GOLDEN, key, mix, uniform
@@ -94,10 +94,11 @@ class RangeAndBearing:
 
     def __init__(self, bodies: Bodies, model: NeighbourModel) -> None:
         self._bodies, self._model = bodies, model
-        self._shared: Floats = np.full((1 + len(model.shares), bodies.count), np.nan)
-        """What neighbours see in this tick: colours and shared numbers, NaN where a robot shares none; below what they
-        will see in the next one."""
-        self._shared[COLOUR] = 0.0
+        self._first_group = 1 + len(model.shares)
+        self._shared: Floats = np.full((self._first_group + len(model.shows_groups), bodies.count), np.nan)
+        """What neighbours see in this tick: colours, shared numbers, NaN where a robot shares none, and who is in the
+        groups that are shown; below what they will see in the next one."""
+        self._shared[COLOUR] = self._shared[self._first_group :] = 0.0
         self._set: Floats = self._shared.copy()
         tables = (bodies.x, bodies.y, bodies.heading, *bodies.sensed[:3], self._shared, self._set)
         self._hides = bodies.scenario.sight.neighbours
@@ -149,6 +150,12 @@ class RangeAndBearing:
         that is shared."""
         self._set[row, robots] = values
 
+    def show_groups(self, robots: Sequence[int] | slice, groups: Mapping[str, ArrayLike]) -> None:
+        """Let neighbours of these robots see from the next tick on which of them are in which groups. groups: by their
+        keys, for each of the robots whether it is in it; in all others none is."""
+        for row, name in enumerate(self._model.shows_groups, self._first_group):
+            self._set[row, robots] = groups.get(name.casefold(), 0.0)
+
     def following(self, row: int) -> Floats:
         """What each robot shows from the next tick on."""
         following: Floats = self._set[row]
@@ -194,13 +201,13 @@ class RangeAndBearing:
         return np.concatenate(found) if len(found) != 1 else found[0]
 
     def shown(self, field: str, robots: Whole, others: Floats) -> Floats:
-        """What each of `robots` senses of one other robot: `field` of `core.neighbours.SHOWN`, or a number that it
-        shares. NaN where it does not sense that one."""
+        """What each of `robots` senses of one other robot: `field` of `core.neighbours.SHOWN`, a number that it shares,
+        or whether it is in a group. NaN where it does not sense that one."""
         bodies = self._bodies
         asking = np.zeros(bodies.count, np.bool_)
         asking[robots] = True
         bodies.sense(np.flatnonzero(asking), sonars=False)
-        row = [*SHOWN, *self._model.shares].index(field) - len(SHOWN) + 1
+        row = [*SHOWN, *self._model.shares, *self._model.shows_groups].index(field) - len(SHOWN) + 1
         if bodies.machine.compiles:
             self.keep_up()
             near, quantity = self._near.begin(bodies.tick), _QUANTITIES.get(field, VALUE)
@@ -607,7 +614,5 @@ def _telling_apart(model: NeighbourModel) -> HostFunction:
     def shown_by_one(field: str, body: Body, other: float) -> float:
         return _alone(partial(shown, field), body, other)
 
-    sense = partial(_alone, nearest)
-    return nearest_id(
-        sense, list_one, shown_by_one, many=nearest, list_many=lists, field_of_many=shown, more=model.shares
-    )
+    sense, more = partial(_alone, nearest), model.shares | dict.fromkeys(model.shows_groups, "")
+    return nearest_id(sense, list_one, shown_by_one, many=nearest, list_many=lists, field_of_many=shown, more=more)

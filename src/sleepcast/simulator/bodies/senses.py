@@ -9,10 +9,10 @@ receiver, so that low robot numbers have no advantage.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from sleepcast.core.counter_rng import key, uniform
 from sleepcast.core.model import HostFunction
@@ -73,6 +73,11 @@ class Senses:
     def colours(self) -> NDArray[np.float64]:
         """The colour that each robot shows to its neighbours; of none where nobody senses neighbours."""
         return np.zeros(0) if self._near is None else self._near.following(COLOUR)
+
+    def show_groups(self, robots: Sequence[int] | slice, groups: Mapping[str, ArrayLike]) -> None:
+        """See `RangeAndBearing.show_groups`."""
+        if self._near is not None:
+            self._near.show_groups(robots, groups)
 
     def amount(self, field: str) -> Floats | None:
         """See `LocalFields.amount`."""

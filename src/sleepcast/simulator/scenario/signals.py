@@ -9,10 +9,11 @@ pBearing and pCaste, for one tick each; the light in sFlag, sRange and sBearing,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import inf
 
 from sleepcast.core.model import Quantity
+from sleepcast.core.neighbours import SHOWN
 from sleepcast.core.records import dataclass
 from sleepcast.core.settings import Table, checked_name
 from sleepcast.core.units import LENGTH, UNITS
@@ -22,6 +23,8 @@ MAX_LIGHTS = 32
 """Lights of one world: every robot looks for the nearest one at every tick."""
 MAX_SHARES = 8
 """Numbers that robots show to their neighbours: a beacon of a real robot carries some bytes."""
+MAX_SHOWN_GROUPS = 8
+"""Groups that robots show to their neighbours: as many as other numbers."""
 SENSED = ("x", "y", "heading", "dist")
 """What robots sense of neighbours without being told: `MEAN_X`, `NEAREST_DIST` and so on are about these."""
 MAX_QUEUE = 64
@@ -67,12 +70,14 @@ class NeighbourModel:
     loss: probability of missing a neighbour in a tick
     noise: standard deviation, in each direction, of a neighbour's sensed place, as a share of its distance
     shares: the numbers that robots show to their neighbours, by name, each with its unit ("" for a plain number)
+    shows_groups: the groups of which neighbours see who is in them
     """
 
     reach: float
     loss: float
     noise: float
     shares: dict[str, str]
+    shows_groups: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +158,19 @@ def read_neighbours(root: Table) -> NeighbourModel | None:
             loss=table.number("loss", default=0.0, low=0.0, high=1.0),
             noise=table.number("noise", default=0.0, low=0.0, high=1.0),
             shares=units,
+            shows_groups=_shown_groups(table, units),
         )
+
+
+def _shown_groups(table: Table, shares: Iterable[str]) -> tuple[str, ...]:
+    """The groups that neighbours show, of none of which the name has another meaning to OF."""
+    names = table.texts("shows_groups", most=MAX_SHOWN_GROUPS)
+    taken = {*SHOWN, *(name.casefold() for name in shares)}
+    for name in names:
+        if checked_name(table, name, "shows_groups").casefold() in taken:
+            raise table.error("shows_groups", f"neighbours show something else as {name:.60}; choose another name")
+        taken.add(name.casefold())
+    return names
 
 
 def signal_sensors(lights: tuple[Light, ...], pings: PingModel | None, length: str) -> tuple[Quantity, ...]:

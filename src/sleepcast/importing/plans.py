@@ -229,12 +229,7 @@ class _Mission:
                 number = len([stop for stop in self.found.route if stop != "home"]) + 1
                 if self.place(f"wp{number}", f"waypoint {number}", each.at):
                     self.found.route.append(f"wp{number}")
-            elif each.command not in (
-                TAKEOFF,
-                LAND,
-                RALLY,
-                *FENCES,
-            ):  # the first two without a place are where the vehicle is
+            elif each.command not in (TAKEOFF, LAND, RALLY, *FENCES):  # the first two: where the vehicle is
                 self.found.leave_out(f"command {each.command} of MAVLink", "it leads nowhere: say as a rule what for")
         if self.found.route:
             self.found.leave_out("heights, pauses and speeds", "the vehicle drives from place to place in a plane")

@@ -16,6 +16,7 @@ from sleepcast.core.records import dataclass
 from sleepcast.core.units import LENGTH, NONE, Dimension, dimension_of, to_si, value_in_words
 from sleepcast.language.checker import Checker, CheckError, Finding, Findings
 from sleepcast.language.evaluate import Entered
+from sleepcast.language.functions import WORDS
 from sleepcast.language.parts import ACTING, Part, host_of, walk
 from sleepcast.language.program import Program, build
 from sleepcast.language.reader import Form, List, Number, brief, format_literal, read
@@ -264,7 +265,7 @@ class _Advice:
         if radius not in (None, LENGTH):
             where = self.brief(part.parts[0].form)
             self.warn(f"{where} @@ is {radius}, but the radius of {part.name} is {LENGTH}", part.parts[0].form)
-        return inside[-1] if part.op == "over" and part.name not in ("COUNT-OVER", "BEST-OVER") else NONE
+        return inside[-1] if WORDS[part.name.casefold()].rule == "same" else NONE
 
     # ---- declared ranges
 

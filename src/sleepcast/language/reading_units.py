@@ -20,6 +20,7 @@ from typing import TypeGuard
 from sleepcast.core.model import HostFunction
 from sleepcast.core.units import ACCELERATION, LENGTH, MASS, NONE, SPEED, TIME, UNITS, Dimension, value_in_words
 from sleepcast.core.units import is_angle as is_angle_unit
+from sleepcast.language.functions import WORDS
 from sleepcast.language.parts import Part
 from sleepcast.language.reader import Number
 from sleepcast.language.vocabulary import Variable, Vocabulary, unit_of
@@ -100,7 +101,7 @@ class _Made:
         if isinstance(part.data, Variable) and part.op in ("var", "linked", "write"):
             return part.data.quantity.shown_unit
         if part.op == "over":
-            return self.unit(part.parts[-1]) if part.name not in ("COUNT-OVER", "BEST-OVER") else ""
+            return self.unit(part.parts[-1]) if WORDS[part.name.casefold()].rule == "same" else ""
         if isinstance(part.data, HostFunction):
             return part.data.unit if part.op == "host" else ""
         if part.op == "const":

@@ -54,8 +54,7 @@ class LineOfSight(BetweenWalls):
 
     def behind_walls(self, robots: Whole, seen_x: Floats, seen_y: Floats) -> Flags:
         """Whether walls hide from each of these robots what stands at `seen_x`, `seen_y`, m."""
-        x, y = (each[robots] for each in self._places)
-        return self.any_between(x, y, seen_x, seen_y)
+        return self.any_between(*self._places_of(robots), seen_x, seen_y)
 
     def hidden(
         self, robots: Whole, seen_x: Floats, seen_y: Floats, *, walls: bool, senders: Whole | None = None
@@ -72,10 +71,10 @@ class LineOfSight(BetweenWalls):
             self.moved = False
         left = np.flatnonzero(~found)
         passing = [robots[left]] + ([] if senders is None else [senders[left]])
-        lines = self._lines(robots[left], seen_x[left], seen_y[left])
+        lines = self._ends(*self._places_of(robots[left]), seen_x[left], seen_y[left])
         found[left] = hidden(self._discs, *lines, passing=passing)
         return found
 
-    def _lines(self, robots: Whole, seen_x: Floats, seen_y: Floats) -> Ends:
-        x, y = (each[robots] for each in self._places)
-        return self._ends(x, y, seen_x, seen_y)
+    def _places_of(self, robots: Whole) -> tuple[Floats, Floats]:
+        x, y = self._places
+        return x[robots], y[robots]

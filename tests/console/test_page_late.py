@@ -59,6 +59,10 @@ class Between:
         elif not self.deaf:
             program.send(data)
 
+    def say(self, data: str) -> None:
+        """Tell the page something that was held back."""
+        self._page.send(data)
+
     def cut(self) -> None:
         """Cut the line; the page gets another one."""
         self._page.close()
@@ -337,3 +341,34 @@ def test_the_page_works_where_nothing_may_be_kept(program: Program, blank: Page)
         expect(blank.locator("#text")).to_have_value(f"(WHEN (> battery {level}%) (JOIN crew))")
     blank.locator("#theme").click()
     expect(blank.locator("html")).to_have_attribute("data-theme", "dark")
+
+
+def test_what_was_said_before_the_page_turned_does_not_turn_it_back(program: Program, blank: Page) -> None:
+    between = Between(blank)
+    blank.goto(program.address)
+    body, clock = blank.locator("body"), blank.locator("#clock")
+    expect(clock).not_to_have_text("0:00:00")
+    pause(blank)
+    between.holding = {"span"}
+    blank.locator("#run").click()  # so that something of now is said
+    between.wait(blank)
+    pause(blank)
+    blank.locator("#scrub").press("Home")
+    expect(clock).to_have_text("0:00:00")
+    of_now, of_then = between.held[0], until(blank, lambda: between.held[-1] if at(between.held[-1]) == 0.0 else "")
+    assert at(of_now) is None
+    blank.wait_for_timeout(RENEWED)  # later than any hand still moves
+    between.say(of_now)
+    blank.wait_for_timeout(100)
+    expect(body).to_have_class(re.compile(r"\bpast\b"))
+    blank.keyboard.press("F8")
+    expect(clock).not_to_have_text("0:00:00")
+    between.say(of_then)
+    blank.wait_for_timeout(100)
+    expect(body).not_to_have_class(re.compile(r"\bpast\b"))
+
+
+def at(span: str) -> float | None:
+    """What a page looks at, as it was told."""
+    found: float | None = json.loads(span)["at"]
+    return found

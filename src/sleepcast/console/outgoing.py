@@ -164,6 +164,7 @@ class Span(DeskMessage):
 
     began, ended: s
     at: what this page looks at, s, None for now
+    number: of the page's request by which it looks there, 0 if it made none
     exact: whether what is shown is that of the very tick
     note: why not, for a person
     kept: what is kept, in a sentence
@@ -176,6 +177,7 @@ class Span(DeskMessage):
     began: float
     ended: float
     at: float | None = None
+    number: int = 0
     exact: bool = True
     note: str = ""
     kept: str = ""

@@ -39,6 +39,8 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
         super().__init__(desk)
         self.table = RobotTable(desk.values)
         self._look: PastView | None = None
+        self._looks = 0
+        """The number of the page's last request to look elsewhere."""
         self._marked = -1
         self._shows_alternate, self._alternate_tick = True, -1
         """Whether the page is to be shown the alternate run, and the tick of it that it was told last."""
@@ -49,7 +51,7 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
         return self._desk.driver if self._look is None else self._look
 
     def hello(self) -> str:
-        self._marked, self._alternate_tick = -1, -1
+        self._marked, self._alternate_tick, self._looks = -1, -1, 0
         return super().hello()
 
     @property
@@ -65,8 +67,9 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
         """Whether to show the alternate run."""
         self._shows_alternate, self._alternate_tick = on, -1
 
-    def look_at(self, time: float | None) -> None:
-        """Look at another time; None is now."""
+    def look_at(self, time: float | None, number: int) -> None:
+        """Look at another time; None is now. Raises MisuseError."""
+        self._looks = number
         past = self._desk.past
         if past is None or isinstance(self._desk, ReplayBackend):
             raise MisuseError(NO_TIMELINE)
@@ -121,7 +124,7 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
     def _span(self, past: Past) -> outgoing.Span:
         """The part of the run that can be looked at, and what this page looks at."""
         look = self._look
-        span = outgoing.Span(past.timeline.began, past.ended, kept=past.kept)
+        span = outgoing.Span(past.timeline.began, past.ended, number=self._looks, kept=past.kept)
         other = past.other
         if other is not None:
             differs = None if other.differs is None else other.differs * past.tick

@@ -32,9 +32,11 @@ class Seek(PageMessage):
 
 
 class ShowMoment(PageMessage, tag="look"):
-    """Show this page how everything was at this time (s) of the run; None: how it is now."""
+    """Show this page how everything was at this time (s) of the run; None: how it is now. number: counts these of one
+    page, which knows by it what a `Span` that was on its way cannot yet tell of."""
 
     time: Moment | None = None
+    number: Annotated[int, Meta(ge=0, le=1_000_000_000)] = 0
 
 
 class ShowAlternate(PageMessage, tag="ghosts"):
@@ -68,8 +70,9 @@ class Recorded(Protocol):
 class LookingPage(Protocol):
     """A page that may look at another time than now."""
 
-    def look_at(self, time: float | None) -> None:
-        """Look at another time, s; None is now. Raises MisuseError where nothing is kept of it."""
+    def look_at(self, time: float | None, number: int) -> None:
+        """Look at another time, s; None is now. number: to be told with what is looked at. Raises MisuseError where
+        nothing is kept of it."""
 
     def show_alternate(self, on: bool) -> None:
         """Whether to show where the robots were in the other future."""
@@ -96,7 +99,7 @@ def seek(source: Recorded, asked: Seek) -> None:
 @answers(lacking=NO_TIMELINE)
 def look_at(source: LookingPage, asked: ShowMoment) -> None:
     """Look at another time."""
-    source.look_at(asked.time)
+    source.look_at(asked.time, asked.number)
 
 
 @answers(lacking=NO_TIMELINE)

@@ -25,6 +25,7 @@ export class Timeline extends EventTarget {
     this.now = 0; // what is shown, s
     this.at = null; // what is looked at, s; null where it is now
     this.recorded = false;
+    this.looks = 0; // how often this page has asked to look elsewhere
     this.sought = 0; // the timer after which a seek goes out, 0 if none waits
     this.moved = -HELD;
     this.marks = [];
@@ -50,6 +51,7 @@ export class Timeline extends EventTarget {
   setRecorded(began, ended) {
     this.recorded = ended > 0;
     this.marks = [];
+    this.looks = 0;
     this.setAt(null);
     this.root.hidden = !this.recorded;
     this.root.classList.toggle("recorded", this.recorded);
@@ -61,7 +63,7 @@ export class Timeline extends EventTarget {
     this.root.hidden = false;
     this.strip.title = span.kept;
     if (!this.recorded) this.setEnds(span.began, span.ended);
-    if (performance.now() - this.moved > HELD && !this.sought) this.setAt(span.at);
+    if (span.number >= this.looks && !this.sought) this.setAt(span.at); // else it was on its way when the page turned
     this.forked = span.forked;
     this.find("forked").hidden = this.forked === null;
     if (this.forked !== null) this.find("forked").style.left = `${(100 * (this.forked - this.began)) / Math.max(1e-9, this.ended - this.began)}%`;
@@ -193,18 +195,22 @@ export class Timeline extends EventTarget {
     this.sought ||= setTimeout(() => {
       this.sought = 0;
       if (this.recorded) this.wire.tell("seek", { time: this.now });
-      else if (this.at !== null) this.wire.tell("look", { time: this.at });
+      else if (this.at !== null) this.look(this.at);
     }, SEEK_EVERY);
+  }
+
+  look(time) {
+    this.looks += 1;
+    this.wire.tell("look", { time, number: this.looks });
   }
 
   toLive() {
     if (this.recorded || this.at === null) return;
     clearTimeout(this.sought);
     this.sought = 0;
-    this.moved = performance.now();
     this.setAt(null);
     this.find("moment").textContent = "";
-    this.wire.tell("look", { time: null });
+    this.look(null);
     this.dispatchEvent(new CustomEvent("jump", { detail: null }));
   }
 

@@ -43,7 +43,19 @@ def room(rooms: str = "", libraries: str = "", late: str = "") -> Room:
 
 PIPELINES = {  # rooms within a room, and its modules: each imports only what stands before it
     "simulator": (
-        *("simd", "world", "scenario", "sonar", "motion", "neighbours", "fast", "engine", "bodies", "simulation"),
+        *(
+            "simd",
+            "world",
+            "scenario",
+            "sonar",
+            "laser",
+            "motion",
+            "neighbours",
+            "fast",
+            "engine",
+            "bodies",
+            "simulation",
+        ),
         *("quiet", "single_robot", "packing", "snapshot", "recording", "kernel_warm_up"),
     ),
     "bridges": ("address", "body", "crazyflie", "mavlink", "ros2"),

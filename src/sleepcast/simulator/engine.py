@@ -17,10 +17,13 @@ import numpy as np
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.extras import installing
 from sleepcast.core.threads import ThreadPool
+from sleepcast.simulator.laser import beams
+from sleepcast.simulator.laser.beams import BeamScene
 from sleepcast.simulator.motion import steps
 from sleepcast.simulator.motion.driving import Laws
 from sleepcast.simulator.motion.steps import BodyColumns, Displacement, Draws, Settled
 from sleepcast.simulator.neighbours.neighbourhood import Formula, Vicinity
+from sleepcast.simulator.scenario.scanners import LaserModel
 from sleepcast.simulator.sonar import cones, noise
 from sleepcast.simulator.sonar.cones import Ranges, Seen, VisibleScene
 from sleepcast.simulator.sonar.firing import Firing, Tick, fire
@@ -43,8 +46,8 @@ FROM_PAIRS = "NumPy finds what robots sense of their neighbours from pairs"
 
 
 class Machine(Protocol):
-    """An array backend; the functions of the same names in `grid`, `sight`, `cones`, `steps` and `noise` say what each
-    method does."""
+    """An array backend; the functions of the same names in `grid`, `sight`, `cones`, `beams`, `steps` and `noise` say
+    what each method does."""
 
     @property
     def name(self) -> str: ...
@@ -81,6 +84,8 @@ class Machine(Protocol):
         """A quantity of one other robot for each robot: see `kernels_neighbours.show_many`."""
 
     def hidden(self, lines: SightLines, x: Floats, y: Floats, to_x: Floats, to_y: Floats, /) -> Flags: ...
+
+    def scan(self, model: LaserModel, scene: BeamScene, which: Whole, key: int, /) -> Ranges: ...
 
     def in_sight(self, listed: CellLists, solids: Floats, /) -> Seen:
         """These rows of `solids` in the form that `ranges` and `hear` expect."""
@@ -134,6 +139,7 @@ class NumPyMachine:
     candidates = staticmethod(grid.candidates)
     pairs = staticmethod(grid.pairs)
     hidden = staticmethod(sight.hidden)
+    scan = staticmethod(beams.scan)
     ranges = staticmethod(cones.ranges)
     look = staticmethod(cones.look)
     propose = staticmethod(steps.propose)

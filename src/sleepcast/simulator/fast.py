@@ -18,11 +18,13 @@ from numpy.typing import NDArray
 
 from sleepcast.core.arrays import LINE, Arena
 from sleepcast.core.threads import FEW, SIZES, ThreadPool, borders
+from sleepcast.simulator.laser.beams import BeamScene, far_of
 from sleepcast.simulator.motion.driving import Laws
 from sleepcast.simulator.motion.steps import SKIN, BodyColumns, Displacement, Draws, Settled, boxes_of, clear
 from sleepcast.simulator.neighbours.neighbourhood import Formula, Vicinity
+from sleepcast.simulator.scenario.scanners import LaserModel
 from sleepcast.simulator.simd.cached import CachedKernels
-from sleepcast.simulator.simd.formulas import LANES
+from sleepcast.simulator.simd.formulas import LANES, sine_cosine
 from sleepcast.simulator.sonar.cones import Cones, Ranges, VisibleScene
 from sleepcast.simulator.sonar.fields import SPAN, Fields, Shots, beam_of, one_of_each, shots_of
 from sleepcast.simulator.sonar.firing import Firing, Tick
@@ -38,6 +40,7 @@ kernels, kernels_motion = CachedKernels("sonar.kernels"), CachedKernels("motion.
 kernels_firing, kernels_sonar = CachedKernels("sonar.kernels_firing"), CachedKernels("sonar.kernels_sonar")
 kernels_neighbours = CachedKernels("neighbours.kernels_neighbours")
 kernels_sight = CachedKernels("world.kernels_sight")
+kernels_beams = CachedKernels("laser.kernels_beams")
 wait = CachedKernels("simd.kernels_wait").wait
 
 ALONE = 5_000
@@ -59,6 +62,8 @@ FINE = 1e-6
 with few robots it computes everything in double precision."""
 AGAIN = 1.1
 """Margin for the radius of the next contact search, relative to this one: the fastest body may have become faster."""
+BEAMS = 5_000
+"""Beams up to which one thread is faster than several."""
 FOLDED = 16
 """Number of sonars in a ring whose bearings the kernel can fold."""
 
@@ -193,6 +198,21 @@ class NumbaMachine:
         if lines:
             self._share(len(x), work, CROWDED)
         return found
+
+    def scan(self, model: LaserModel, scene: BeamScene, which: Whole, key: int) -> Ranges:
+        grid, (order, start), listed = scene.grid, scene.points, scene.listed
+        sine, cosine = sine_cosine(model.angles)
+        measured = np.empty((len(which), model.beams), np.float32)
+        places = (scene.x, scene.y, scene.heading, scene.whose, scene.radii, order, start)
+        seen = (*places, listed.start, listed.items, scene.solids, grid.size, grid.columns, grid.rows)
+        far = far_of(model, 0.0), far_of(model, float(scene.radii.max(initial=0.0)))
+        beams, limits = (model.first, model.increment, cosine, sine), (model.least, model.reach, model.noise, *far)
+
+        def work(first: int, last: int) -> None:
+            kernels_beams.scan(seen, beams, limits, np.uint64(key), which, first, last, measured)
+
+        self._share(len(which), work, BEAMS // model.beams)
+        return measured
 
     def in_sight(self, listed: CellLists, solids: Floats) -> Walls:
         return walls_of(listed, solids)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.counter_rng import GOLDEN, key
+from sleepcast.core.errors import MisuseError
 from sleepcast.core.given_numbers import read_seed
 from sleepcast.core.threads import ThreadPool
 from sleepcast.robot import RobotModel
@@ -161,6 +162,15 @@ class Simulator:
     def readings(self, numbers: Sequence[int] | None = None) -> list[list[float]]:
         """Sensor values of the robots with these indices (None: all); see `Bodies.readings`."""
         return self.bodies.readings(numbers)
+
+    def scans(self, robots: NDArray[np.intp] | None = None) -> NDArray[np.float32]:
+        """What the laser scanners of the robots with these indices (None: all) measure in this tick: m from the robot's
+        centre, shape (robots, beams), float32, beams counter-clockwise as `scenario.laser` says; infinite where nothing
+        is within the scanner's range, minus infinite where something is nearer than it can measure. A second call in
+        the same tick gives the same values. Raises MisuseError where robots have no scanners."""
+        if self.bodies.scanner is None:
+            raise MisuseError("these robots have no laser scanner: a table [laser] in the scenario gives them one")
+        return self.bodies.scans(np.arange(self.bodies.count) if robots is None else robots).copy()
 
     def place(self, number: int, x: float, y: float, heading: float) -> None:
         """Put robot `number` at this pose (m, rad), at rest; its odometry is set to the same pose."""

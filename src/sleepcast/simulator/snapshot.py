@@ -39,10 +39,12 @@ from sleepcast.simulator.scenario.robot_settings import (
     RobotSpec,
 )
 from sleepcast.simulator.scenario.robot_types import given_names, slices
+from sleepcast.simulator.scenario.scanners import LEAST_FIELD, MAX_BEAMS, MAX_RANGES
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.signals import MAX_LIGHTS, MAX_QUEUE, MAX_SHARES, MAX_SHOWN_GROUPS
 from sleepcast.simulator.scenario.starts import MAX_STARTS, SLACK, Formation, Starts, start_columns
 from sleepcast.simulator.scenario.stocks import MAX_STOCKS
+from sleepcast.simulator.simd.formulas import TURN
 from sleepcast.simulator.simulation import Simulator
 from sleepcast.simulator.sonar.firing import AT_ONCE, Firing
 from sleepcast.simulator.world.world import Shape, World
@@ -231,6 +233,11 @@ def _bounds(scenario: Scenario) -> Iterator[tuple[str, float, float, float]]:
         yield "shared numbers", len(scenario.neighbours.shares), 0, MAX_SHARES
         yield "groups that neighbours see", len(scenario.neighbours.shows_groups), 0, MAX_SHOWN_GROUPS
         yield "shared numbers of no known unit", len({*scenario.neighbours.shares.values()} - {"", *UNITS}), 0, 0
+    if scenario.laser is not None:
+        yield "beams", scenario.laser.beams, 1, min(MAX_BEAMS, MAX_RANGES // scenario.robots.count)
+        yield "rad to the first beam", scenario.laser.first, -TURN, TURN
+        yield "rad between beams", scenario.laser.increment, LEAST_FIELD / MAX_BEAMS, TURN
+        yield "m in reach of a scanner", scenario.laser.reach, LEAST, MAX_WORLD
     stores = {store.name for store in scenario.robots.stores} | {""}
     yield "stocks", len(scenario.stocks), 0, MAX_STOCKS
     yield "stocks of no known store", len({stock.store for stock in scenario.stocks} - stores), 0, 0

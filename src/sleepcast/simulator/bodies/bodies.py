@@ -28,6 +28,7 @@ from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.model import Quantity
 from sleepcast.simulator.bodies.line_of_sight import LineOfSight
 from sleepcast.simulator.bodies.proximity import Bumpers, Neighbours, SonarGroups, Sonars, StartError, least_cell, reach
+from sleepcast.simulator.bodies.scanner import Scanner
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.motion.driving import DRIVE, GOTO, WANDER, laws_of
 from sleepcast.simulator.motion.steps import BodyColumns
@@ -169,9 +170,13 @@ class Bodies:
         far = max(reach(spec, scenario.tick) for spec in specs)
         # A body may meet others up to twice `far` away, and they in turn others and solids beyond.
         farthest = max([4.0 * far, *(each.reach for each in cones if each)])
+        laser, camera = scenario.laser, scenario.camera
+        widest = float(self.radii.max())
+        farthest = max([farthest, laser.reach + widest if laser else 0.0, camera.reach if camera else 0.0])
         self.near = Neighbours(size, cell, self.count, self.world, machine, scenario.around, farthest)
         self.contact = Bumpers(self.radii, far, self.near, machine) if robots.bumpers else None
         self.sonars = self._make_sonars(self.sensed[own:], cones)
+        self.scanner = Scanner(laser, self.radii, self.near, seed, machine) if laser else None
         self._start()
 
     def _each(self, values: Sequence[float]) -> Floats:
@@ -307,6 +312,8 @@ class Bodies:
         """Invalidate the spatial index and the sonar readings: bodies have moved."""
         self.near.forget()
         self.sight.moved = True
+        if self.scanner:
+            self.scanner.forget()
         if self.sonars:
             self.sonars.forget()
 
@@ -363,6 +370,11 @@ class Bodies:
         which = None if numbers is None else np.asarray(numbers, np.int64)
         self.sonars.sense(which, self.tick, (self.x, self.y, self.heading), rows)
         return self.sensed[len(self.sensors) : -1, slice(None) if which is None else which].T
+
+    def scans(self, which: Whole) -> NDArray[np.float32]:
+        """What the scanners of these bodies measure, see `Scanner.ranges`. Only for robots that have them."""
+        assert self.scanner
+        return self.scanner.ranges(which, self.tick, (self.x, self.y, self.heading))
 
     def readings(self, numbers: Sequence[int] | None = None) -> list[list[float]]:
         """Current sensor values of the robots with these indices (None: all): for each robot one value per sensor, in

@@ -47,6 +47,7 @@ from sleepcast.simulator.scenario.robot_settings import (
     read_robots,
 )
 from sleepcast.simulator.scenario.robot_types import combined, given_names, names_of, robot_tables, slices
+from sleepcast.simulator.scenario.scanners import CameraModel, LaserModel, read_camera, read_laser, refuse_many
 from sleepcast.simulator.scenario.signals import (
     SIGHT_SINCE,
     THROUGH_ALL,
@@ -126,6 +127,7 @@ class Scenario:
     operators: who may command, none where whoever sends may do anything
     minds: what robots go by then
     sight: what walls and bodies hide
+    laser, camera: of every robot, None without
     format: of its file
     origin: where it was found and what was changed in it, see `origin`; "" for one that was not found
     """
@@ -170,6 +172,8 @@ class Scenario:
     minds: MindSettings = NO_AUTHORITY
     sight: SightModel = THROUGH_ALL
     format: int = 1
+    laser: LaserModel | None = None
+    camera: CameraModel | None = None
 
     @property
     def each_type(self) -> tuple[RobotSpec, ...]:
@@ -318,7 +322,10 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> t
             minds=read_minds(root, operators),
             sight=read_sight(root, version),
             format=version,
+            laser=read_laser(root, version),
+            camera=read_camera(root, version),
         )
+        refuse_many(root, scenario.laser, robots.count)
         if scenario.torus:
             _check_torus(root, scenario)
         return scenario, world.drawn
@@ -329,8 +336,14 @@ def _check_torus(root: Table, scenario: Scenario) -> None:
     least, tick = min(scenario.width, scenario.height), scenario.tick
     bodies = [4.0 * (spec.geometry.radius + 2.0 * spec.limits.speed * tick) for spec in scenario.each_type]
     sonars = [2.0 * spec.geometry.radius + spec.ring.most for spec in scenario.each_type if spec.ring]
-    signals = [each.reach for each in (scenario.pings, scenario.neighbours) if each]
-    for far, what in ((bodies, "their bodies move"), (sonars, "their sonars see"), (signals, "they sense others")):
+    signals = [each.reach for each in (scenario.pings, scenario.neighbours, scenario.camera) if each]
+    beams = [scenario.laser.reach + max(spec.geometry.radius for spec in scenario.each_type)] if scenario.laser else []
+    for far, what in (
+        (bodies, "their bodies move"),
+        (sonars, "their sonars see"),
+        (signals, "they sense others"),
+        (beams, "their scanners see"),
+    ):
         if 2.0 * max(far, default=0.0) >= least:
             raise root.table("world").error(
                 "edge",

@@ -33,7 +33,7 @@ ROOM = Path(__file__).resolve().parent.parent
 SOURCES = (
     *("*/kernels*.py", "simd/*.py"),
     *("neighbours/neighbourhood.py", "motion/driving.py", "motion/steps.py", "world/walls.py", "world/sight.py"),
-    *("sonar/noise.py", "sonar/crosstalk.py", "sonar/fields.py"),
+    *("sonar/noise.py", "sonar/crosstalk.py", "sonar/fields.py", "laser/beams.py"),
     *("quiet/layout.py", "../core/angles.py", "../core/counter_rng.py"),
 )
 """Kernels, and the modules with their constants, formulas and named tuples."""

@@ -1,0 +1,65 @@
+"""The laser scanners of all bodies: computed once a tick for those that are asked, and not before.
+
+A scanner stands in the middle of its robot, and measures from there to walls, round things and other robots' bodies;
+what stands behind these it does not see. Ranges are as in ROS: infinite where nothing is within the scanner's range,
+minus infinite where something is too near to be measured.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.core.counter_rng import key
+from sleepcast.simulator.bodies.proximity import Neighbours
+from sleepcast.simulator.engine import Machine
+from sleepcast.simulator.laser.beams import BeamScene
+from sleepcast.simulator.scenario.scanners import LaserModel
+from sleepcast.simulator.sonar.cones import Ranges
+from sleepcast.simulator.world.grid import Floats, Whole
+
+Pose = tuple[Floats, Floats, Floats]
+
+
+class Scanner:
+    """The scanners of all bodies. radii: of the bodies, m; near: their spatial index; seed: of the run."""
+
+    def __init__(self, model: LaserModel, radii: Floats, near: Neighbours, seed: int, machine: Machine) -> None:
+        self.model = model
+        self._radii = np.ascontiguousarray(radii)
+        self._near, self._machine, self._seed = near, machine, seed
+        self._known = -1, -1
+        """The tick and the version of the world in which ranges were measured."""
+        self._fresh: NDArray[np.bool_] = np.zeros(len(radii), np.bool_)
+        self._ranges: Ranges = np.empty((0, model.beams), np.float32)
+
+    def forget(self) -> None:
+        """Bodies have moved."""
+        self._known = -1, -1
+
+    def ranges(self, robots: Whole, tick: int, pose: Pose) -> Ranges:
+        """What these robots measure in this tick: m from their centres, shape (robots, beams), float32; inf where
+        nothing is in reach, -inf where something is too near. pose: true x, y (m) and heading (rad) of all bodies."""
+        if self._known != (tick, self._near.world.version):
+            self._known = tick, self._near.world.version
+            self._fresh[:] = False
+        if not len(self._ranges):
+            self._ranges = np.empty((len(self._fresh), self.model.beams), np.float32)
+        old = np.unique(robots[~self._fresh[robots]])
+        if old.size:
+            drawn = key(self._seed, "laser", tick) if self.model.noise else 0
+            self._ranges[old] = self._machine.scan(self.model, self._scene(pose), old, drawn)
+            self._fresh[old] = True
+        return self._ranges if len(robots) == len(self._fresh) and _all_in_order(robots) else self._ranges[robots]
+
+    def _scene(self, pose: Pose) -> BeamScene:
+        near, (x, y, heading) = self._near, pose
+        points, images = near.points(x, y), near.images(x, y)
+        whose = images.whose(np.arange(len(images.x)))
+        listed = near.solids(self.model.reach)
+        where = (images.x, images.y, heading[whose], whose, self._radii)
+        return BeamScene(*where, near.grid, points, listed, near.lines)
+
+
+def _all_in_order(robots: Whole) -> bool:
+    return bool((np.diff(robots) == 1).all())

@@ -1,0 +1,1 @@
+"""Laser scanners: what each of many beams hits first."""

@@ -1,5 +1,5 @@
-"""A recorded run as a bag of ROS 2: a folder with `metadata.yaml` and one MCAP file whose messages are CDR, as Jazzy
-writes it.
+"""A recorded run as a bag of ROS 2: a folder with `metadata.yaml` and one MCAP file whose messages are CDR, for Humble
+and all later releases.
 
     /poses        PoseArray        all robots, in the frame map
     /tf           TFMessage        NAME/odom to NAME/base_link; map to NAME/odom, and sonars, are in /tf_static
@@ -22,7 +22,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, partial
 from math import cos, inf, isnan, nan, pi, sin
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -50,6 +50,8 @@ MAX_OWN_TOPICS = 100
 """Robots that have topics of their own: each has about twenty, and programs for bags list all of them."""
 SEVERITY = {Level.INFO: 20, Level.WARNING: 30, Level.ERROR: 40}
 """Of rcl_interfaces/Log."""
+METADATA_VERSION: Literal[8] = 8
+"""Of `metadata.yaml`: the newest that all releases read. In 9 QoS are no text any more, and Humble and Iron refuse it."""
 FOREVER = 9_223_372_036, 854_775_807
 """Seconds and nanoseconds, as `ros2 bag` writes an infinite duration."""
 MAP = "map"
@@ -116,7 +118,7 @@ class Bag:
             ) from error
         self._ros: Any = interfaces
         self._store = _message_types()
-        self._writer = Writer(folder, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP)
+        self._writer = Writer(folder, version=METADATA_VERSION, storage_plugin=StoragePlugin.MCAP)
         self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
         for key, value in facts.items():
             self._writer.set_custom_data(f"sleepcast_{key}", str(value))

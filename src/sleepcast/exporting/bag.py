@@ -51,7 +51,7 @@ MAX_OWN_TOPICS = 100
 SEVERITY = {Level.INFO: 20, Level.WARNING: 30, Level.ERROR: 40}
 """Of rcl_interfaces/Log."""
 METADATA_VERSION: Literal[8] = 8
-"""Of `metadata.yaml`: the newest that all releases read. In 9 QoS are no text any more, and Humble and Iron refuse it."""
+"""Of `metadata.yaml`. In 9 QoS are no text any more, which Humble and Iron refuse; all later releases read 8, too."""
 FOREVER = 9_223_372_036, 854_775_807
 """Seconds and nanoseconds, as `ros2 bag` writes an infinite duration."""
 MAP = "map"

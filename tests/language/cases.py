@@ -22,7 +22,7 @@ from language.reference import Reference
 from sleepcast.channel import message
 from sleepcast.core.model import Quantity
 from sleepcast.core.neighbours import nearest_id
-from sleepcast.core.units import SPEED
+from sleepcast.core.units import LENGTH, NONE, SPEED
 from sleepcast.fleet import Fleet, RobotView
 from sleepcast.fleet.native.kernels import Kernels, available
 from sleepcast.language import (
@@ -97,6 +97,11 @@ FUNCTIONS = (
         Body.nearest, Body.neighbours, lambda name, body, n: body.shown(name, n), more={"opinion": "", "fuel": "%"}
     ),
     HostFunction("LOOSE", lambda body: body.fail(), acts=False),
+    HostFunction("SCAN-MIN", lambda body, a, b: 10.0 - a, (NONE, NONE), arguments="a b", result=LENGTH, acts=False),
+    HostFunction(
+        "SCAN-GAP", lambda body, a, b, *free: a, (NONE, NONE, LENGTH), 2, arguments="a b [free]", unit="deg", acts=False
+    ),
+    HostFunction("SEES", lambda body, colour, a, b: colour, (NONE,) * 3, arguments="colour a b", acts=False),
 )
 SENSORS = (
     Quantity("fuel", low=0, high=1, shown_as="%"),

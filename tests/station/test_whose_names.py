@@ -189,7 +189,9 @@ def test_the_names_of_some_are_in_the_slots_of_all() -> None:
 @pytest.mark.parametrize(
     ("text", "place"),
     [("(RULE a 1 :priority 2)", ":priority at 1:11"), ("(SETQ z (SUM-OVER (n 5m) 1))", "SUM-OVER at 1:10"),
-     ("(SETQ z (OF 3 distance))", "OF at 1:10"), ("(FOR-NEIGHBOURS (n 5m) (MARK))", "FOR-NEIGHBOURS at 1:2")],
+     ("(SETQ z (OF 3 distance))", "OF at 1:10"), ("(FOR-NEIGHBOURS (n 5m) (MARK))", "FOR-NEIGHBOURS at 1:2"),
+     ("(SETQ z (SCAN-MIN 0 1))", "SCAN-MIN at 1:10"), ("(WHEN (SCAN-GAP 0 1) (MARK))", "SCAN-GAP at 1:8"),
+     ("(WHEN (SEES 3 0 1) (MARK))", "SEES at 1:8")],
 )  # fmt: skip
 def test_the_desk_refuses_a_new_form_while_a_robot_is_there_that_does_not_know_it(text: str, place: str) -> None:
     fleet = mixed()
@@ -216,7 +218,9 @@ def test_the_desk_refuses_a_new_form_while_a_robot_is_there_that_does_not_know_i
     desk.accept(desk.prepare(text, insists), count=2, confirmed=True)
 
 
-@pytest.mark.parametrize("text", ["(RULE a 1)", "(DEFVAR :priority 1)", "(DEFVAR of 1)", "(PRINT sum-over)"])
+@pytest.mark.parametrize(
+    "text", ["(RULE a 1)", "(DEFVAR :priority 1)", "(DEFVAR of 1)", "(PRINT sum-over)", "(DEFVAR sees 1)"]
+)
 def test_a_name_like_any_other_is_no_new_form(text: str) -> None:
     fleet = mixed()
     fleet.tell("r1", "tiny")
@@ -227,4 +231,6 @@ def mixed() -> Fleet:
     """A desk, a robot of today, and one that knows no new forms."""
     old = rover("old")
     old.forms = frozenset()
-    return Fleet(r1=rover("new"), tiny=old)
+    seeing = (("SCAN-MIN", 2), ("SCAN-GAP", 2), ("SEES", 3))
+    functions = (HostFunction(name, _drive, (None,) * count, acts=False) for name, count in seeing)
+    return Fleet(r1=rover("new", *functions), tiny=old)

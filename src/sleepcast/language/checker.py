@@ -18,11 +18,11 @@ from sleepcast.core.errors import MisuseError, and_more, did_you_mean, placed, s
 from sleepcast.core.model import Constant, HostFunction
 from sleepcast.core.records import dataclass
 from sleepcast.core.units import UNITS
-from sleepcast.language.functions import FUNCTIONS, MANY, WORDS, Function
+from sleepcast.language.functions import BODY_WORDS, FUNCTIONS, MANY, WORDS, Function
 from sleepcast.language.parts import Defining, Label, Part, Storing
 from sleepcast.language.reader import ALIASES, Form, List, Number, Symbol, Text, rows, walk, written
 from sleepcast.language.symbols import Group, Names, Operator, Stored, UserVariable, circle, known_groups, uses_in
-from sleepcast.language.vocabulary import Variable, VocabularyError, buffer_number, describe
+from sleepcast.language.vocabulary import Binding, Variable, VocabularyError, buffer_number, describe, gives_way
 
 MAX_COST = 10_000
 """Steps that one expression may cost by its own static bound; the same as an evaluation's budget."""
@@ -224,8 +224,13 @@ class Checker:
             return "buffer"
         if key in FUNCTIONS:
             return "function"
+        binding = self.binding(key)
+        return self.kind_of(key) if binding is None or gives_way(binding) else describe(binding)
+
+    def binding(self, key: str) -> Binding | None:
+        """What the robot's vocabulary has under a name, unless that gives way to what the name has been given to."""
         binding = self.names.vocabulary.bindings.get(key)
-        return describe(binding) if binding else self.kind_of(key)
+        return None if gives_way(binding) and self.kind_of(key) is not None else binding
 
     def may_be_local(self, symbol: Symbol) -> None:
         """Note an error for a local name that would hide a constant: TRUE is TRUE everywhere."""
@@ -261,7 +266,7 @@ class Checker:
         number = self.local(key)
         if number is not None:
             return Part("local", symbol, slot=number, name=key)
-        binding = self.names.vocabulary.bindings.get(key)
+        binding = self.binding(key)
         if isinstance(binding, Variable):
             op = "linked" if binding.linked else "var"
             return Part(op, symbol, slot=binding.slot, name=key, data=binding)
@@ -304,7 +309,7 @@ class Checker:
         function = FUNCTIONS.get(head.key)
         if function is not None:
             return self._builtin(form, function)
-        binding = self.names.vocabulary.bindings.get(head.key)
+        binding = self.binding(head.key)
         if isinstance(binding, HostFunction):
             return self._host(form, binding)
         is_buffer = buffer_number(head.key) is not None
@@ -317,14 +322,18 @@ class Checker:
         if head.key in WORDS:
             return self._builtin(form, WORDS[head.key])
         self.uses.add(head.key)
-        self.unknown("function", head)
+        if head.key in BODY_WORDS:
+            lacking = f"{head.text} @@ is a fault on these robots, which have no {BODY_WORDS[head.key]}"
+            self.warn(lacking, head, head.text)
+        else:
+            self.unknown("function", head)
         self.parts(form.items[1:])
         return Part("missing", form, name=head.text)
 
     def _is_callable(self, key: str) -> bool:
         return (
             key in FUNCTIONS
-            or isinstance(self.names.vocabulary.bindings.get(key), HostFunction)
+            or isinstance(self.binding(key), HostFunction)
             or self.kind_of(key) == "operator"
             or (key in WORDS and self.meaning(key) is None)
         )

@@ -417,6 +417,9 @@ OVER = frozenset({"sum-over", "mean-over", "min-over", "max-over", "count-over",
 EACH = "for-neighbours"
 ABOUT_NEIGHBOURS = OVER | {"of", EACH}
 """Words that came together, as `NEIGHBOURS`."""
+BODY_WORDS = {"scan-min": "laser scanner", "scan-gap": "laser scanner", "sees": "camera"}
+"""Functions of a robot's own software that came after 0.2.0, and what robots need to have them. Their names give way,
+as those of `WORDS` do."""
 BUILT_IN = FUNCTIONS | WORDS
 """Every built-in."""
 

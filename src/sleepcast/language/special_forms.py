@@ -249,7 +249,7 @@ def _setq(checker: Checker, form: List) -> Part:
         storing = Storing(f"e{buffer_number(target.key)}", value, activate=False, value=True)
         return Part("store", form, (checker.part(value),), name=storing.key, number=STORE_STEPS, data=storing)
     part = checker.part(value)
-    binding = checker.names.vocabulary.bindings.get(target.key)
+    binding = checker.binding(target.key)
     if isinstance(binding, Variable):
         if binding.kind is VariableKind.SENSOR:
             return checker.error(f"{target.text} @@ is a sensor: it can be read, not assigned", target)

@@ -19,7 +19,7 @@ from sleepcast.core.errors import MisuseError
 from sleepcast.core.model import Constant, HostFunction, NamedArea, Quantity
 from sleepcast.core.records import dataclass
 from sleepcast.core.units import NONE
-from sleepcast.language.functions import BUILT_IN, FUNCTIONS, NEIGHBOURS, PRIORITY
+from sleepcast.language.functions import BODY_WORDS, BUILT_IN, FUNCTIONS, NEIGHBOURS, PRIORITY
 
 BUFFERS = 64
 """Buffers E0 (the message) to E63."""
@@ -143,7 +143,8 @@ class Vocabulary:
         """Slots of the variables that every robot of this type has."""
         others: tuple[Binding, ...] = (*CONSTANTS, *self.constants, *self.functions)
         for binding in others:
-            self._declare(binding)
+            if not (gives_way(binding) and binding.name.casefold() in self.bindings):
+                self._declare(binding)
         for area in self.areas:
             self._refuse_clash(area.name, "area")
         self._names = (*(each.name for each in self.bindings.values()), *(each.name for each in BUILT_IN.values()))
@@ -203,6 +204,8 @@ class Vocabulary:
     def _refuse_clash(self, name: str, what: str) -> None:
         """Raise VocabularyError if something has this name already."""
         key = name.casefold()
+        if key in self.bindings and gives_way(self.bindings[key]):
+            return
         if key in self.bindings or key in FUNCTIONS or buffer_number(key) is not None:
             other = (
                 f"the {describe(self.bindings[key])} {self.bindings[key].name}"
@@ -212,6 +215,11 @@ class Vocabulary:
                 else f"the buffer {key.upper()}"
             )
             raise VocabularyError(f"{self.name}: the {what} {name} has the same name as {other}; rename one")
+
+
+def gives_way(binding: Binding | None) -> bool:
+    """Whether names of people's own come before this one."""
+    return isinstance(binding, HostFunction) and binding.name.casefold() in BODY_WORDS
 
 
 def describe(binding: Binding) -> str:

@@ -39,7 +39,7 @@ from sleepcast.language.program import Program
 from sleepcast.language.reader import is_name
 from sleepcast.language.rehearsal import holds
 from sleepcast.language.symbols import Declared, Group, UserVariable
-from sleepcast.language.vocabulary import Variable, Vocabulary, VocabularyError, buffer_number
+from sleepcast.language.vocabulary import Variable, Vocabulary, VocabularyError, buffer_number, gives_way
 from sleepcast.mind.telemetry import (
     TelemetryError,
     TelemetryRecord,
@@ -454,7 +454,8 @@ def _names_in(telemetry: TelemetryRecord) -> object:
 def _user_slot(name: str, vocabulary: Vocabulary) -> int | None:
     """The slot of a robot's own variable; None for a name that cannot be one. Raises VocabularyError."""
     key = name.casefold()
-    if not is_name(name) or key in vocabulary.bindings or key in FUNCTIONS or buffer_number(key) is not None:
+    taken = key in vocabulary.bindings and not gives_way(vocabulary.bindings[key])
+    if not is_name(name) or taken or key in FUNCTIONS or buffer_number(key) is not None:
         return None
     return vocabulary.user_slot(key)
 

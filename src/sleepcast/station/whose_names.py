@@ -19,7 +19,7 @@ from sleepcast.channel.message_batch import natural_order
 from sleepcast.core.errors import listed, printable
 from sleepcast.core.model import Constant, HostFunction
 from sleepcast.language import Checked, check
-from sleepcast.language.functions import ABOUT_NEIGHBOURS, FUNCTIONS, MANY, NEIGHBOURS
+from sleepcast.language.functions import ABOUT_NEIGHBOURS, BODY_WORDS, FUNCTIONS, MANY, NEIGHBOURS
 from sleepcast.language.reader import List, Symbol, read, walk
 from sleepcast.language.symbols import Declared
 from sleepcast.language.vocabulary import NEW_FORMS, Binding, Variable, Vocabulary
@@ -30,7 +30,8 @@ FEW = 3
 """Robots in a sentence."""
 WITHOUT_THESE = "send this by name to robots that know it (--only), or update these first"
 """What to do about robots that would refuse a text with a new form."""
-NEW_WORDS = re.compile(rf"(?<![\w-])({'|'.join(map(re.escape, sorted(NEW_FORMS | ABOUT_NEIGHBOURS)))})(?![\w-])", re.I)
+_WORDS = sorted({*NEW_FORMS, *ABOUT_NEIGHBOURS, *BODY_WORDS})
+NEW_WORDS = re.compile(rf"(?<![\w-])({'|'.join(map(re.escape, _WORDS))})(?![\w-])", re.I)
 """What a text has in it that has a new form; so may others."""
 
 
@@ -113,13 +114,18 @@ def refuse_forms(checked: Checked, minds: RemoteMinds, robots: Sequence[str]) ->
         types: dict[bytes, list[str]] = {}
         for name in sorted(robots, key=natural_order):
             kind = minds.type_of(name)
-            if kind in minds.types and known_as not in minds.types[kind].forms:
+            if kind in minds.types and not _knows(minds.types[kind], known_as):
                 types.setdefault(kind, []).append(name)
         if types:
             whose = " and ".join(_named(minds.types[kind], names) for kind, names in types.items())
             message = f"{form.text} @@ is not known to {whose}: {WITHOUT_THESE}"
             found.note("error", message, form.start, form.end)
     return checked if found.counts == checked.counts else replace(checked, found=found, program=None)
+
+
+def _knows(vocabulary: Vocabulary, known_as: str) -> bool:
+    """Whether robots with this vocabulary say that they know a form."""
+    return known_as in (vocabulary.bindings if known_as in BODY_WORDS else vocabulary.forms)
 
 
 def _new_forms(checked: Checked, minds: RemoteMinds) -> Iterator[tuple[Symbol, str]]:
@@ -133,6 +139,8 @@ def _new_forms(checked: Checked, minds: RemoteMinds) -> Iterator[tuple[Symbol, s
         if form.head in ABOUT_NEIGHBOURS and form.head not in own and not around and isinstance(head, Symbol):
             around = True
             yield head, NEIGHBOURS
+        if form.head in BODY_WORDS and form.head not in own and isinstance(head, Symbol):
+            yield head, form.head
         for item in form.items[2:] if form.head in FUNCTIONS else ():
             if isinstance(item, Symbol) and item.key in NEW_FORMS:
                 yield item, item.key

@@ -20,6 +20,7 @@ from sleepcast.simulator.bodies.bodies import Bodies, Floats
 from sleepcast.simulator.bodies.body import Sense
 from sleepcast.simulator.bodies.local_fields import LocalFields, field_functions
 from sleepcast.simulator.bodies.range_and_bearing import COLOUR, RangeAndBearing, neighbour_functions
+from sleepcast.simulator.bodies.seeing import Eyes, eye_functions
 from sleepcast.simulator.bodies.stocks import Stocks, stock_functions
 from sleepcast.simulator.scenario.groups import seeing
 from sleepcast.simulator.scenario.scenario import Scenario
@@ -55,7 +56,8 @@ class Senses:
         self._near = RangeAndBearing(bodies, scenario.neighbours) if scenario.neighbours else None
         self.stocks = Stocks(bodies) if scenario.stocks else None
         self._fields = LocalFields(bodies) if scenario.fields else None
-        parts = (self._near, self.stocks, self._fields)
+        eyes = Eyes(bodies, self._near) if scenario.laser or scenario.camera else None
+        parts = (self._near, self.stocks, self._fields, eyes)
         self._parts: dict[type, object] = {type(part): part for part in parts if part}
 
     def of(self, kind: type[Sense]) -> Sense:
@@ -155,7 +157,7 @@ class Senses:
 def functions_of(scenario: Scenario) -> tuple[HostFunction, ...]:
     """What expressions may call of the senses of a scenario's robots."""
     near = neighbour_functions(scenario.neighbours) if scenario.neighbours else ()
-    return (*near, *stock_functions(scenario.stocks), *field_functions(scenario.fields))
+    return (*near, *eye_functions(scenario), *stock_functions(scenario.stocks), *field_functions(scenario.fields))
 
 
 class _PingReceiver:

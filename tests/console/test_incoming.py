@@ -36,6 +36,7 @@ GOOD = {
     "replies": {"serial": 1, "command": "desk-1.1", "robots": [3, 0]},
     "members": {"serial": 1, "group": 3},
     "sense": {"serial": 1, "robot": 3},
+    "sight": {"serial": 1, "robot": 3},
     "field": {"serial": 1, "name": "scent"},
     "build": {"serial": 1, "corners": [(0.0, 0.0), (1.0, 0.0), (0.5, 2.5)]},
     "shift": {"serial": 1, "version": 2, "place": 3, "across": 1.5, "up": -1.0},

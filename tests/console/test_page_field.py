@@ -89,4 +89,5 @@ def test_a_world_without_fields_has_no_such_layer(program: Program, context: Bro
         page.locator("#layers").click()
         expect(page.locator("#layer-names")).to_be_visible()
         expect(page.locator("#layer-field")).to_be_hidden()
+        expect(page.locator("#layer-sight")).to_be_hidden()  # its robots see nothing
         expect(page.locator("#field-scale")).to_be_hidden()

@@ -25,6 +25,7 @@ from sleepcast.console.features.mission import STOPPED, MissionNews, MissionPlay
 from sleepcast.console.features.names import names_of
 from sleepcast.console.features.plots import Plots, ScenarioMeasure
 from sleepcast.console.features.send import Send, SendKind
+from sleepcast.console.features.sight import SightView
 from sleepcast.console.features.why import Explained, Why, show_why
 from sleepcast.console.outgoing import ShownName
 from sleepcast.console.past import Past
@@ -154,6 +155,11 @@ class Backend:
     def overhear(self) -> Callable[[Witness], RadioCounts] | None:
         """Lets a witness hear every message of the swarm, and gives the counts of copies; None where nobody can."""
         return getattr(self.swarm, "overhear", None)
+
+    @property
+    def sight(self) -> Callable[[int], SightView] | None:
+        """Tells what the robot with this index sees; None where nobody can."""
+        return getattr(self.swarm, "sight", None)
 
     def known_names(self) -> list[ShownName]:
         """The names that a text may use, with the ranges of their values."""

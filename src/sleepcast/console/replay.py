@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import struct
-from collections.abc import Awaitable, Iterator, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Sequence
 from itertools import accumulate
 from math import nan
 from typing import ClassVar
@@ -23,6 +23,7 @@ from sleepcast.console.feature import NO_ROBOTS
 from sleepcast.console.features.alerts import AlertBoard
 from sleepcast.console.features.field import Field, Fielded, field_of
 from sleepcast.console.features.plots import ScenarioMeasure
+from sleepcast.console.features.sight import SightView
 from sleepcast.console.features.why import Why
 from sleepcast.console.outgoing import ShownName
 from sleepcast.console.past import Past
@@ -226,6 +227,12 @@ class ReplayBackend:
         believed = (read("x"), read("y"), read("heading"))
         ranges = [read(f"sonar{number}") for number in range(kind.sonars)]
         return kind.sensing((x, y, heading), believed, ranges)
+
+    @property
+    def sight(self) -> Callable[[int], SightView] | None:
+        """Tells what the robot with this index saw at this time; None where nobody can."""
+        told = self._timeline.sight
+        return None if told is None else lambda robot: told(self.driver.time, robot)
 
     def failed(self, rule: str, time: float = nan) -> bytes:
         """On which robots a rule ("": any rule) failed at this time."""

@@ -18,6 +18,7 @@ import msgspec
 from sleepcast.console import outgoing
 from sleepcast.console.account_table import MAX_ROWS, CommandRow
 from sleepcast.console.failing import Failures
+from sleepcast.console.features.sight import SightView
 from sleepcast.console.frames import pack
 from sleepcast.console.replay_client import ReplayAnswer
 from sleepcast.console.sensing import BodyKind
@@ -116,6 +117,7 @@ class Timeline:
     failures: the rules that fail
     picture: of the scene
     field: gives the picture of one of its fields that does not grow
+    sight: gives what a robot (by its index) saw at a time, s
     """
 
     scene: Scene
@@ -136,6 +138,7 @@ class Timeline:
     failures: Track[Failures] = field(default_factory=Track)
     picture: Picture | None = None
     field: Callable[[str], FieldPicture] | None = None
+    sight: Callable[[float, int], SightView] | None = None
 
     def marks_at(self, time: float) -> RobotMarks:
         """The marks at `time`; before the first, nobody is in a group."""

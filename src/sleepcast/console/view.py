@@ -102,6 +102,7 @@ class Scene(msgspec.Struct, frozen=True):
     repeats: how often those that work only together are sent, since the radio may lose one
     picture: where the picture of the map lies, None if there is none; the desk is asked for it
     fields: likewise
+    senses: of the robots, those that see or hear something elsewhere; unset where nobody can tell what they see
     """
 
     title: str
@@ -123,6 +124,7 @@ class Scene(msgspec.Struct, frozen=True):
     repeats: int = 1
     picture: PicturePlace | None = None
     fields: tuple[ShownField, ...] = ()
+    senses: tuple[str, ...] | msgspec.UnsetType = msgspec.UNSET
 
 
 class KeptRule(Protocol):

@@ -9,7 +9,7 @@ import pytest
 
 from machines import ALL
 from simulator.world.sight_reference import blocked, count, exactly
-from sleepcast.simulator.world.sight import SightLines, crossings, hidden, joined, unrolled
+from sleepcast.simulator.world.sight import SightLines, crossings, hidden, joined, stops, unrolled
 from sleepcast.simulator.world.world import Circle, Polygon, Wall, World, boundary, rooms
 
 SIDE = 8.0
@@ -78,6 +78,51 @@ class TestReference:
             expected = [count(line, exactly(solids.tolist())) for line in ends.T.tolist()]
             assert crossings(lines, *ends).tolist() == expected
             assert (hidden(lines, *ends) == (np.array(expected) > 0)).all()
+
+
+class TestStops:
+    @pytest.mark.parametrize("around", [(inf, inf), (SIDE, SIDE)], ids=["plain", "torus"])
+    def test_a_line_is_free_before_its_stop_and_blocked_there(self, around: tuple[float, float]) -> None:
+        drawn, blocked_ones = np.random.default_rng(7), 0
+        for _ in range(60):
+            solids, lines = solids_by_chance(drawn, whole=False), SightLines((SIDE, SIDE), around)
+            lines.put(solids)
+            x, y, to_x, to_y = drawn.uniform(0.0, SIDE, (4, LINES))
+            to_x, to_y = unrolled(x, to_x, around[0]), unrolled(y, to_y, around[1])
+            shares = stops(lines, x, y, to_x, to_y)
+            stopped = np.isfinite(shares)
+            assert (stopped == hidden(lines, x, y, to_x, to_y)).all()
+            for part, wanted in ((1.0 - 1e-6, False), (1.0 + 1e-9, True)):
+                share = np.where(stopped, np.minimum(shares * part, 1.0), 0.0)
+                found = hidden(lines, x, y, x + share * (to_x - x), y + share * (to_y - y))
+                assert (found == wanted)[stopped & (shares > 0.0)].all()
+            blocked_ones += np.count_nonzero(stopped & (shares > 0.0))
+        assert blocked_ones > 1000
+
+    @pytest.mark.parametrize(
+        ("line", "share"),
+        [
+            ((0, 2, 5, 2), 0.2),  # along the wall: its nearer end
+            ((5, 2, 0, 2), 0.4),
+            ((2, 2, 6, 2), 0.0),  # from within it
+            ((2, 0, 2, 4), 0.5),
+            ((2, 2, 2, 2), 0.0),  # without length
+            ((0, 6, 8, 6), 0.375),  # the disc
+            ((4, 6, 8, 6), 0.0),  # out of the disc
+            ((0, 0, 1, 0), inf),
+        ],
+    )
+    def test_where_it_is(self, line: tuple[float, float, float, float], share: float) -> None:
+        lines = lines_of(World([Wall(((1.0, 2.0), (3.0, 2.0))), Circle(4.0, 6.0, 1.0)]))
+        assert stops(lines, *np.array(line, np.float64)[:, None])[0] == share
+
+    def test_what_may_be_passed_does_not_stop(self) -> None:
+        lines = SightLines((SIDE, SIDE))
+        lines.put(np.array([(1.0, 2.0, 1.0, 2.0, 0.5), (4.0, 2.0, 4.0, 2.0, 0.5)]))
+        ends = [np.array([each]) for each in (1.0, 2.0, 7.0, 2.0)]
+        assert stops(lines, *ends)[0] == 0.0
+        assert stops(lines, *ends, passing=[np.array([0])])[0] == pytest.approx(2.5 / 6.0)
+        assert stops(lines, *ends, passing=[np.array([0]), np.array([1])])[0] == inf
 
 
 class TestTies:

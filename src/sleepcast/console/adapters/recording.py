@@ -7,6 +7,7 @@ from functools import cache, partial
 
 from sleepcast.console.account_table import CommandRow
 from sleepcast.console.adapters.fields import still_picture
+from sleepcast.console.adapters.sight import RecordedSight
 from sleepcast.console.adapters.swarm import existing, kind_of, outlines, scene_of
 from sleepcast.console.failing import Failures, ShownFailing
 from sleepcast.console.outgoing import ShownRule
@@ -70,6 +71,8 @@ class TimelineBuilder:
         self.timeline.picture = None if picture is None else picture.png
         self.timeline.field = cache(partial(still_picture, scenario))  # the same at any time, for any question
         self._solids = dict(enumerate(scenario.shapes, 1))
+        self._shapes = Track([0.0], [scenario.shapes])
+        self.timeline.sight = RecordedSight(scenario, simulator.bodies.radii, self.timeline.poses, self._shapes)
         for posted in recording.posted:
             message = posted.message
             if message.id not in self._rows:
@@ -142,6 +145,7 @@ class TimelineBuilder:
         for name, shape in change.put.items():
             self._solids[int(name)] = shape
         self.timeline.obstacles.add(time, tuple(map(outlines, self._solids.values())))
+        self._shapes.add(time, tuple(self._solids.values()))
 
     def _keep(self, time: float, body: RulesBody) -> None:
         rules = [ShownRule(rule.name, rule.text, rule.active, "", "", rule.priority) for rule in body.rules]

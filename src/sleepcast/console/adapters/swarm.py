@@ -14,6 +14,8 @@ from sleepcast.channel.simulated_radio import RadioCounts
 from sleepcast.console import MapLabel, NamedOutline, Outline, Scene
 from sleepcast.console.adapters.fields import FieldPictures, shown_fields
 from sleepcast.console.adapters.obstacles import editor_of
+from sleepcast.console.adapters.sight import senses_of, sight_now
+from sleepcast.console.features.sight import SightView
 from sleepcast.console.frames import packed_poses
 from sleepcast.console.sensing import BodyKind, BodyView
 from sleepcast.console.view import FieldPicture, Picture, PicturePlace, ShownSlider
@@ -91,6 +93,10 @@ class SwarmAdapter:
         """What the body of this robot senses."""
         return sensing_of(self._swarm.simulator, robot)
 
+    def sight(self, robot: int) -> SightView:
+        """What this robot sees."""
+        return sight_now(self._swarm.simulator, robot)
+
     def poses(self) -> bytes:
         """x (m), y (m) and heading (rad, counter-clockwise from x) of each robot in turn, float32, little endian."""
         simulator = self._swarm.simulator
@@ -164,6 +170,7 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
         supplies=tuple(store.name for store in scenario.robots.stores if store.reach < inf),
         picture=placed(scenario.picture),
         fields=shown_fields(scenario),
+        senses=senses_of(scenario),
     )
 
 

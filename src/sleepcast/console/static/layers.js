@@ -13,6 +13,7 @@ export const SWARM_LAYERS = [
   { name: "pings", title: "Pings", on: true },
   { name: "density", title: "Density", on: null, hint: "How many robots are where. Shown by itself while more than 20,000 are in sight." },
   { name: "sensors", title: "Sensors of the chosen robot", on: false, hint: "Its sonars, what it touches, and how far it senses" },
+  { name: "sight", title: "Sight of the chosen robot", on: false },
   { name: "encoders", title: "Encoder position of the chosen robot", on: false, hint: "Where its wheels tell it to be" },
 ];
 

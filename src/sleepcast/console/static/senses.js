@@ -6,14 +6,16 @@ const AGAIN = 150; // ms between an answer and the next question
 const KEPT = 60; // simulated seconds
 const MAX = 600; // looks kept
 
-// "sensed" is dispatched after each answer.
-export class Senses extends EventTarget {
-  constructor(world, wire) {
+// Asks a question about the chosen robot again and again. "sensed" is dispatched after each answer.
+export class Asking extends EventTarget {
+  // kind: of the question, which names nothing but the robot.
+  constructor(world, wire, kind) {
     super();
     this.world = world;
     this.wire = wire;
+    this.kind = kind;
     this.shown = []; // functions that say whether somebody shows it now
-    this.known = null; // {robot, body} as the desk told it last; null while nobody knows
+    this.known = null; // the latest answer, which names its robot; null while nobody knows
     this.refusal = ""; // why nobody knows
     this.waiting = false; // for an answer
     this.asked = null; // robot and tick of the last question
@@ -26,20 +28,10 @@ export class Senses extends EventTarget {
   }
 
   // What was seen before is not what is seen now.
-  forget() {
-    this.far = []; // what its sonars measured: [time, ranges]
-    this.near = []; // its infrared sensors and its bumper: [time, ranges, angles touched]
-  }
+  forget() {}
 
-  keep() {
-    const { body, world, far, near } = this;
-    const { time } = world.frame;
-    if (!body || far.at(-1)?.[0] === time) return;
-    if (far.length && time < far.at(-1)[0]) this.forget(); // time has gone back
-    this.far.push([time, body.sonars]);
-    this.near.push([time, body.infrared, body.touched]);
-    for (const row of [this.far, this.near]) while (row.length > MAX || row[0][0] < time - KEPT) row.shift();
-  }
+  // There is a new answer.
+  keep() {}
 
   // Somebody begins to show it, or it is another robot: ask at once.
   renew() {
@@ -60,7 +52,7 @@ export class Senses extends EventTarget {
     this.asked = { robot: marks.chosen, tick: frame.tick };
     this.waiting = true;
     try {
-      this.known = await this.wire.ask("sense", { robot: marks.chosen });
+      this.known = await this.wire.ask(this.kind, { robot: marks.chosen });
       this.refusal = "";
       this.keep();
     } catch (refusal) {
@@ -76,8 +68,35 @@ export class Senses extends EventTarget {
     if (this.world.marks.chosen !== this.asked?.robot) this.ask(); // somebody chose another one meanwhile
   }
 
+  // The latest answer if it is about the chosen robot, or null.
+  get told() {
+    return this.known?.robot === this.world.marks.chosen ? this.known : null;
+  }
+}
+
+// What its body senses.
+export class Senses extends Asking {
+  constructor(world, wire) {
+    super(world, wire, "sense");
+  }
+
+  forget() {
+    this.far = []; // what its sonars measured: [time, ranges]
+    this.near = []; // its infrared sensors and its bumper: [time, ranges, angles touched]
+  }
+
+  keep() {
+    const { body, world, far, near } = this;
+    const { time } = world.frame;
+    if (!body || far.at(-1)?.[0] === time) return;
+    if (far.length && time < far.at(-1)[0]) this.forget(); // time has gone back
+    this.far.push([time, body.sonars]);
+    this.near.push([time, body.infrared, body.touched]);
+    for (const row of [this.far, this.near]) while (row.length > MAX || row[0][0] < time - KEPT) row.shift();
+  }
+
   // What is known of the chosen robot, or null.
   get body() {
-    return this.known?.robot === this.world.marks.chosen ? this.known.body : null;
+    return this.told?.body ?? null;
   }
 }

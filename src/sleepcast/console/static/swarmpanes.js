@@ -27,6 +27,7 @@ import { Selecting } from "./select.js";
 import { Senses } from "./senses.js";
 import { SensorsPane } from "./sensors.js";
 import { Sentence } from "./sentence.js";
+import { SightLayer } from "./sight.js";
 import { Table } from "./table.js";
 import { Timeline } from "./timeline.js";
 import { Refusal } from "./wire.js";
@@ -58,6 +59,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
   const elsewhere = () => ["past", "replay"].some((name) => document.body.classList.contains(name));
   const field = new FieldLayer(world, wire, find("field-scale"), find("layer-menu"), elsewhere);
   const senses = new Senses(world, wire);
+  const sight = new SightLayer(world, wire, find("layer-menu"));
   const sensors = new SensorsPane(world, senses);
   drawer.add({ name: "sensors", title: "Sensors", element: sensors.root, shown: (open) => sensors.shown(open) });
 
@@ -101,6 +103,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
     blanks.set(scene.commands, scene.blanks);
     table.setScene(scene);
     field.setScene(scene);
+    sight.setScene(scene);
     prompt.setNames(hello.names);
     prompt.setOperators(hello.operators ?? []);
     sentence.setNoun(scene.noun);
@@ -117,6 +120,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
   function show(frame) {
     timeline.show(frame.time);
     senses.ask();
+    sight.ask();
     field.ask();
     legend.tick(performance.now());
     glance.take(world.scene, frame, document.body.classList.contains("past"));

@@ -7,7 +7,7 @@ import numpy as np
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.world.grid import Floats, Whole
-from sleepcast.simulator.world.sight import Ends, Flags, SightLines, crossings, hidden, unrolled
+from sleepcast.simulator.world.sight import Ends, Flags, SightLines, crossings, hidden, stops, unrolled
 from sleepcast.simulator.world.world import World
 
 
@@ -65,15 +65,34 @@ class LineOfSight(BetweenWalls):
         found = self.behind_walls(robots, seen_x, seen_y) if walls else np.zeros(len(robots), bool)
         if not self._bodies_hide:
             return found
+        left = np.flatnonzero(~found)
+        passing = [robots[left]] + ([] if senders is None else [senders[left]])
+        lines = self._ends(*self._places_of(robots[left]), seen_x[left], seen_y[left])
+        found[left] = hidden(self._where_bodies_are(), *lines, passing=passing)
+        return found
+
+    def stops(
+        self, robots: Whole, seen_x: Floats, seen_y: Floats, *, walls: bool, bodies: bool, senders: Whole | None = None
+    ) -> Floats:
+        """At which share of the way from each of these robots to `seen_x`, `seen_y` (m) the first thing lies that hides
+        what stands there; infinite where it is seen. bodies: whether these count if the scenario says that they do; the
+        rest as for `hidden`."""
+        ends, found = self._ends(*self._places_of(robots), seen_x, seen_y), np.full(len(robots), np.inf)
+        if walls:
+            self.keep_up()
+            found = stops(self.walls, *ends)
+        if bodies and self._bodies_hide:
+            passing = [robots] + ([] if senders is None else [senders])
+            found = np.minimum(found, stops(self._where_bodies_are(), *ends, passing=passing))
+        return found
+
+    def _where_bodies_are(self) -> SightLines:
+        """The bodies where they are now."""
         if self.moved:
             x, y = self._places
             self._discs.put(np.stack((x, y, x, y, np.broadcast_to(self._radii, len(x))), axis=1))
             self.moved = False
-        left = np.flatnonzero(~found)
-        passing = [robots[left]] + ([] if senders is None else [senders[left]])
-        lines = self._ends(*self._places_of(robots[left]), seen_x[left], seen_y[left])
-        found[left] = hidden(self._discs, *lines, passing=passing)
-        return found
+        return self._discs
 
     def _places_of(self, robots: Whole) -> tuple[Floats, Floats]:
         x, y = self._places

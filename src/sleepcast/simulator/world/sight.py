@@ -225,17 +225,50 @@ def hidden(lines: SightLines, x: Floats, y: Floats, to_x: Floats, to_y: Floats, 
     """Whether anything hides each point `to_x`, `to_y` from x, y, m; in the world's frame, on a torus `unrolled`.
     passing: rows of the solids that were put, one for each line, which do not hide it."""
     found = np.zeros(len(x), bool)
-    if not lines:
-        return found
-    for first in range(0, len(x), AT_ONCE):
+    for _, _, which in _hits(lines, (x, y, to_x, to_y), passing, found):
+        found[which] = True
+    return found
+
+
+def stops(lines: SightLines, x: Floats, y: Floats, to_x: Floats, to_y: Floats, passing: Sequence[Whole] = ()) -> Floats:
+    """At which share of each line, 0 to 1, the first thing lies that hides its end; infinite where nothing does, as
+    `hidden` says."""
+    found = np.full(len(x), inf)
+    for ends, items, which in _hits(lines, (x, y, to_x, to_y), passing):
+        np.minimum.at(found, which, _shares(ends, lines.solids[items]))
+    return found
+
+
+def _hits(
+    lines: SightLines, every: Ends, passing: Sequence[Whole], done: Flags | None = None
+) -> Iterator[tuple[Ends, Whole, Whole]]:
+    """What each line touches or crosses, from cell to cell: the ends of the line, the row of the solid, and the index
+    of the line. passing: as for `hidden`; done: as for `_met`."""
+    for first in range(0, len(every[0]) if lines else 0, AT_ONCE):
         some = slice(first, first + AT_ONCE)
-        ends = x[some], y[some], to_x[some], to_y[some]
-        for which, items in _met(lines, ends, found[some]):
+        ends = every[0][some], every[1][some], every[2][some], every[3][some]
+        for which, items in _met(lines, ends, None if done is None else done[some]):
             hit = crossed(*_some(ends, which), lines.solids[items])
             for rows in passing:
                 hit &= lines.rows[items] != rows[first + which]
-            found[first + which[hit]] = True
-    return found
+            yield _some(ends, which[hit]), items[hit], first + which[hit]
+
+
+def _shares(ends: Ends, solids: Floats) -> Floats:
+    """At which share of each line it first meets its solid, which it touches or crosses."""
+    x, y, to_x, to_y = ends
+    x0, y0, x1, y1, radius = solids.T
+    along_x, along_y = to_x - x, to_y - y
+    square = along_x * along_x + along_y * along_y
+    before, beside = (x0 - x) * along_x + (y0 - y) * along_y, (x0 - x) * along_y - (y0 - y) * along_x
+    turn = along_x * (y1 - y0) - along_y * (x1 - x0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        wall = ((x0 - x) * (y1 - y0) - (y0 - y) * (x1 - x0)) / turn
+        nearest = np.minimum(before, (x1 - x) * along_x + (y1 - y) * along_y) / square  # of a wall along the line
+        disc = (before - np.sqrt(np.maximum(radius * radius * square - beside * beside, 0.0))) / square
+    found = np.where(radius > 0.0, disc, np.where(turn == 0.0, nearest, wall))
+    shares: Floats = np.clip(np.nan_to_num(found), 0.0, 1.0)  # a line without length meets it at once
+    return shares
 
 
 def crossings(lines: SightLines, x: Floats, y: Floats, to_x: Floats, to_y: Floats) -> Whole:

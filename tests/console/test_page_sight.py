@@ -1,0 +1,61 @@
+"""What the chosen robot sees as a layer of the map, in a real Chromium."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import BrowserContext, Page, expect
+
+from console.conftest import COMMANDS
+from console.running import PATIENCE, Program
+from console.test_page import await_picture, opened, pixels, pixels_seen, until
+from console.test_sight import LAMPS, NEAR, TEXT, WALL
+from small_worlds import write
+
+pytestmark = pytest.mark.browser
+
+expect.set_options(timeout=1000 * PATIENCE)
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
+    """Three robots that stand: one beside the first, one behind a wall; and lamps."""
+    folder = tmp_path_factory.mktemp("room")
+    write(folder, more=COMMANDS + WALL + NEAR + LAMPS, text=TEXT)
+    with Program("run", folder, "--page") as started:
+        yield started
+
+
+@pytest.fixture
+def page(room: Program, context: BrowserContext) -> Iterator[Page]:
+    yield from opened(room, context)
+
+
+def test_lines_go_to_what_it_sees_and_end_at_walls(page: Page) -> None:
+    page.locator("#map").focus()
+    page.keyboard.press("ArrowUp")  # the one nearest to the middle
+    expect(page.locator("#robot-name")).to_have_text("rover1")
+    ring = pixels_seen(page, "--chosen")
+    left, right, top = min(x for x, _ in ring), max(x for x, _ in ring), min(y for _, y in ring)
+
+    def lamp() -> list[float]:
+        """Where the line to the lamp is, beside all robots."""
+        return [x for x, _ in pixels(page, "--lit") if x < left - 20]
+
+    assert not lamp()
+    page.locator("#layers").click()
+    box = page.get_by_label("Sight of the chosen robot")
+    assert "other robots and lights" in (box.locator("..").get_attribute("title") or "")
+    box.check()
+    until(page, lamp)
+    seen = pixels(page, "--chosen")
+    assert min(y for _, y in seen) < top - 20, "to the robot above"
+    assert max(x for x, _ in seen) <= right + 2, "to none behind the wall"
+    page.reload()
+    await_picture(page)
+    page.locator("#layers").click()
+    expect(box).to_be_checked()
+    until(page, lamp)
+    box.uncheck()
+    until(page, lambda: not lamp())

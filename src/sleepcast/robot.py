@@ -290,6 +290,17 @@ class SonarKind(NamedTuple):
     most: float
 
 
+class LidarKind(NamedTuple):
+    """So many beams, the first at this angle from the heading, the others counter-clockwise at this distance from each
+    other, rad; ranges from the least to the greatest, m."""
+
+    beams: int
+    first: float
+    increment: float
+    least: float
+    most: float
+
+
 Corners = Sequence[tuple[float, float]]
 """Of a polygon, x and y in m."""
 
@@ -384,10 +395,12 @@ class SimulatedWorld(Protocol):
     def predict(self, robot: int, pose: Pose) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """What its sonars and its infrared sensors would read there: m, without noise, other robots left out."""
 
-    def scan(self, robot: int, rays: int, most: float) -> tuple[float, ...]:
-        """What a lidar at its centre sees: m to the nearest thing in each of so many directions, the first along its
-        heading, then counter-clockwise all round; infinite where nothing is within `most` m. Exact, other robots
-        included."""
+    def lidar(self, robot: int) -> LidarKind:
+        """Of the lidar at its centre."""
+
+    def scan(self, robot: int) -> tuple[float, ...]:
+        """What its lidar measures in this tick: m from the robot's centre to the nearest thing along each beam, other
+        robots included; infinite where nothing is in reach, minus infinite where something is too near."""
 
     def along(self, robot: int, start: tuple[float, float], end: tuple[float, float]) -> Contact | None:
         """Where its body touches something on the straight way; None if it is free."""

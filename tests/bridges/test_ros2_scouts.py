@@ -54,12 +54,13 @@ from sleepcast.bridges.ros2.messages import (
 )
 from sleepcast.bridges.ros2.robot import join_network
 from sleepcast.bridges.ros2.scouts import FORGOTTEN, MAX_ROBOTS, NO_FLOAT, Ros2Scouts, namespaces
-from sleepcast.bridges.ros2.sensors import FARTHEST, GRAVITY
+from sleepcast.bridges.ros2.sensors import GRAVITY
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.extras import installing
 from sleepcast.nomad.client.nomad import Nomad
 from sleepcast.nomad.wire.requests import RequestType
 from sleepcast.nomad.world.building import nomad_world
+from sleepcast.nomad.world.sites import LIDAR
 from sleepcast.robot import Pose, Setpoint
 
 PATIENCE = 60.0
@@ -79,8 +80,8 @@ EVERYTHING = "meta l4proto udp"
 class Scene(Bench):
     """A server whose robots are in ROS 2, and other programs there. Time passes while something is waited for."""
 
-    def __init__(self, robots: int, setup: str, domain: int) -> None:
-        super().__init__(nomad_world(None, setup, robots, 1))
+    def __init__(self, robots: int, setup: str, domain: int, world: Path | None = None) -> None:
+        super().__init__(nomad_world(world, setup, robots, 1))
         self.networks = [join_network(domain, local=True)]
         self.scouts = Ros2Scouts(self.nserver, self.networks[0], namespaces("scout", robots))
         self.nserver.companions.append(self.scouts)
@@ -368,8 +369,8 @@ def test_what_it_tells_is_so(scene: Scene) -> None:
     assert len(scan.ranges) * scan.angle_increment == pytest.approx(2.0 * pi)
     rays = [real.heading + scan.angle_min + k * scan.angle_increment for k in range(len(scan.ranges))]
     seen = [to_the_nearest_side(real, angle, boxes) for angle in rays]
-    assert min(seen) < 1.0 < FARTHEST < max(seen)
-    assert scan.ranges == pytest.approx([each if each < FARTHEST else inf for each in seen], rel=1e-4)
+    assert min(seen) < 1.0 < LIDAR.reach < max(seen)
+    assert scan.ranges == pytest.approx([each if each < LIDAR.reach else inf for each in seen], rel=1e-4)
 
 
 def to_the_nearest_side(real: Pose, angle: float, boxes: list[list[tuple[float, float]]]) -> float:
@@ -383,6 +384,57 @@ def to_the_nearest_side(real: Pose, angle: float, boxes: list[list[tuple[float, 
                 along, share = (((x - real.x) * b - (y - real.y) * a) / across for a, b in ((ex, ey), (dx, dy)))
                 found += [along] if along > 0.0 and 0.0 <= share <= 1.0 else []
     return min(found)
+
+
+SCANNED = """
+format = 2
+
+[world]
+width = "10m"
+height = "10m"
+edge = "wall"
+
+[[world.walls]]
+name = "ahead"
+points = [["6m", "4.9m"], ["6m", "5.1m"]]
+
+[[world.walls]]
+name = "too near"
+points = [["2.9m", "5.25m"], ["3.1m", "5.25m"]]
+
+[laser]
+beams = 7
+from = "-90deg"
+to = "90deg"
+least = "0.3m"
+range = "4m"
+
+[nomad]
+origin = ["3m", "5m"]
+"""
+SCAN = {
+    "frame": "laser",
+    "angle_min": pytest.approx(-pi / 2.0),
+    "angle_max": pytest.approx(pi / 2.0),
+    "angle_increment": pytest.approx(pi / 6.0),
+    "time_increment": 0.0,
+    "scan_time": pytest.approx(0.2),
+    "range_min": pytest.approx(0.3),
+    "range_max": 4.0,
+    "ranges": pytest.approx([inf, inf, inf, 3.0, inf, inf, -inf]),
+}
+"""What a scan says there."""
+
+
+def test_the_scanner_of_a_world_is_told_beam_by_beam(tmp_path: Path) -> None:
+    (tmp_path / "world.toml").write_text(SCANNED)
+    scene = Scene(1, "ideal", DOMAIN, tmp_path / "world.toml")
+    reader, found = scene.elsewhere().reader("/scout1/scan", LaserScan, "sensor"), list[LaserScan]()
+    scene.until(lambda: found.extend(reader.take(1)) or found)  # type: ignore[func-returns-value]
+    (scan,) = found
+    assert {"frame": scan.header.frame_id, **{name: getattr(scan, name) for name in SCAN if name != "frame"}} == SCAN
+    scene.scouts._close()
+    scene.networks[-1].close()
 
 
 def test_sonars_and_bumper_tell_what_they_feel(scene: Scene) -> None:
@@ -602,6 +654,39 @@ def test_to_ros_a_robot_has_topics_and_no_node() -> None:
         finally:
             process.kill()
     assert out == "nav_msgs/msg/Odometry _CREATED_BY_BARE_DDS_APP_ ['onlooker']\n", err
+
+
+READ_SCAN = """
+import json
+import rclpy
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import LaserScan
+rclpy.init()
+node, found = Node("onlooker", parameter_overrides=[Parameter("use_sim_time", value=True)]), []
+node.create_subscription(LaserScan, "/scout1/scan", found.append, qos_profile_sensor_data)
+while not found or not node.get_clock().now().nanoseconds:
+    rclpy.spin_once(node, timeout_sec=0.1)
+scan, now = found[0], node.get_clock().now().nanoseconds / 1e9
+fields = "angle_min angle_max angle_increment time_increment scan_time range_min range_max".split()
+said = {"frame": scan.header.frame_id, **{name: getattr(scan, name) for name in fields}, "ranges": list(scan.ranges)}
+stamp = scan.header.stamp.sec + scan.header.stamp.nanosec / 1e9
+print(json.dumps({"scan": said, "stamp": stamp, "now": now}))
+"""
+
+
+@needs_ros
+def test_ros_reads_the_whole_scan_as_sensor_data(tmp_path: Path) -> None:
+    (tmp_path / "world.toml").write_text(SCANNED)
+    with serving(str(tmp_path / "world.toml")), start(RCLPY, "-c", READ_SCAN, **place(True)) as process:
+        try:
+            out, err = process.communicate(timeout=PATIENCE)
+        finally:
+            process.kill()
+    found = json.loads(out or "{}")
+    assert found.get("scan") == SCAN, err
+    assert 0.0 < found["stamp"] <= found["now"] + 1.0, "simulated time, as /clock"
 
 
 def test_a_planner_that_is_killed_leaves_its_robot_at_rest_and_a_mind_of_sleepcast_takes_it_over() -> None:

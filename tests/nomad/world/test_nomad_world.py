@@ -14,7 +14,7 @@ from nomad.world.nomad_time import run, until_rest
 from sleepcast.core.errors import MisuseError
 from sleepcast.nomad.world.building import nomad_world
 from sleepcast.nomad.world.nomad_world import NomadWorld
-from sleepcast.robot import Axes, Pose
+from sleepcast.robot import Axes, LidarKind, Pose
 from sleepcast.simulator.engine import Machine
 
 TENTH = 0.00254
@@ -259,20 +259,36 @@ class TestSonar:
         assert scout.observe(0).sonars[0] == pytest.approx(2.0 - 0.17, abs=1e-5)
 
 
+def scanned(folder: Path, laser: str, machine: Machine | None = None) -> NomadWorld:
+    """Two robots in a room of 18.288 m whose scanners are as this says."""
+    file = folder / "room.toml"
+    file.write_text(f'format = 2\n[world]\nwidth = "18.288m"\nheight = "18.288m"\n[laser]\n{laser}\n')
+    return nomad_world(file, robots=2, machine=machine)
+
+
 class TestLidar:
     @pytest.mark.parametrize("machine", MACHINES)
-    def test_it_sees_sides_and_robots_from_the_middle_of_the_body(self, machine: Machine) -> None:
-        world = nomad_world(robots=2, machine=machine)
+    @pytest.mark.parametrize("reach", [1.5, 5.0, 10.0])
+    def test_it_sees_sides_and_robots_from_the_middle_of_the_body(
+        self, machine: Machine, reach: float, tmp_path: Path
+    ) -> None:
+        world = scanned(tmp_path, f'beams = 4\nfrom = "0deg"\nrange = "{reach}m"', machine)
         assert world.add(BOX)
         world.place(1, Pose(-2.0, 0.0, 0.0, 0.0))
         world.place(0, Pose(0.0, 0.25, pi / 2.0, 0.0))
-        seen = world.scan(0, 4, 5.0)  # to the north, west, south and east
-        assert seen == pytest.approx((inf, inf, inf, 1.0))
+        north, west, south, east = world.scan(0)
+        assert (west, east) == (pytest.approx(9.144, rel=1e-6) if reach > 9.2 else inf, pytest.approx(1.0))
+        assert (north, south) == (inf, inf) if reach < 8.0 else (pytest.approx(8.894), pytest.approx(9.394))
         world.place(0, Pose(0.0, 0.0, pi / 2.0, 0.0))
-        assert world.scan(0, 4, 5.0) == pytest.approx((inf, 2.0 - 0.17, inf, 1.0))
-        assert world.scan(1, 8, 5.0)[0] == pytest.approx(2.0 - 0.17)
-        assert world.scan(0, 4, 10.0)[0] == pytest.approx(9.144, rel=1e-6)
-        assert world.scan(0, 4, 1.5) == pytest.approx((inf, inf, inf, 1.0))
+        assert world.scan(0)[1] == (pytest.approx(2.0 - 0.17) if reach > 2.0 else inf)
+        assert world.scan(1)[0] == (pytest.approx(2.0 - 0.17) if reach > 2.0 else inf)
+
+    def test_it_is_what_the_world_says_else_a_beam_a_degree(self, tmp_path: Path) -> None:
+        assert nomad_world(robots=1).lidar(0) == LidarKind(360, 0.0, pytest.approx(pi / 180.0), 0.0, 8.0)
+        world = scanned(tmp_path, 'beams = 7\nfrom = "-90deg"\nto = "90deg"\nrange = "9m"\nleast = "5m"')
+        assert world.lidar(0) == LidarKind(7, -pi / 2.0, pytest.approx(pi / 6.0), 5.0, 9.0)
+        world.place(0, Pose(5.0, 0.0, 0.0, 0.0))
+        assert world.scan(0)[3] == -inf, "the edge is 4.1 m away, too near to be measured"
 
 
 class TestSlip:
@@ -352,7 +368,8 @@ CALLS: list[Callable[[NomadWorld, int], object]] = [
     lambda world, robot: world.predict(robot, Pose(0.0, 0.0, 0.0, 0.0)),
     lambda world, robot: world.along(robot, (0.0, 0.0), (1.0, 0.0)),
     lambda world, robot: world.round(robot, (0.0, 0.0), 1.0, 0.0, 1.0),
-    lambda world, robot: world.scan(robot, 4, 1.0),
+    lambda world, robot: world.scan(robot),
+    lambda world, robot: world.lidar(robot),
     lambda world, robot: world.track(robot),
     lambda world, robot: world.sonar(robot),
 ]

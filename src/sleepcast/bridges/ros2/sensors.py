@@ -2,7 +2,7 @@
 
 Frames are those of ROS (REP 105). `odom` is where the robot believes to be, by its wheels; it begins at the same place
 as `map`, the world's frame, in which `pose` says where it really is. Under `base_link`, which looks along its heading,
-are `laser`, a lidar that real Scouts do not have, and a `sonar_K` for each sonar, from 0 in front, counter-clockwise;
+are `laser`, a lidar in its middle, and a `sonar_K` for each sonar, from 0 in front, counter-clockwise;
 those of a robot with a turret are under `turret`.
 """
 
@@ -31,8 +31,6 @@ from sleepcast.bridges.ros2.messages import (
 )
 from sleepcast.robot import ServedRobot
 
-RAYS, FARTHEST = 360, 8.0
-"""The lidar: a ray a degree, and m to what it sees at most. It makes no errors."""
 OFTEN, SELDOM, RARELY = 0.04, 0.2, 1.0
 """Simulated seconds between two messages."""
 GRAVITY = 9.80665
@@ -95,16 +93,19 @@ class RobotSensors:
         ]
 
     def scan(self, now: float) -> Sequence[Any]:
-        """m from the middle of the body, from the front counter-clockwise; infinite where nothing is in reach."""
-        seen, step = self._world.scan(self._robot.robot, RAYS, FARTHEST), 2.0 * pi / RAYS
+        """All beams of its lidar at one moment: m from the middle of the body, counter-clockwise; infinite where
+        nothing is in reach, minus infinite where something is too near (REP 117)."""
+        beams, first, increment, least, most = self._world.lidar(self._robot.robot)
         return [
             LaserScan(
                 Header(time_of(now), "laser"),
-                angle_max=2.0 * pi - step,
-                angle_increment=step,
+                angle_min=first,
+                angle_max=first + increment * (beams - 1),
+                angle_increment=increment,
                 scan_time=SELDOM,
-                range_max=FARTHEST,
-                ranges=list(seen),
+                range_min=least,
+                range_max=most,
+                ranges=list(self._world.scan(self._robot.robot)),
             )
         ]
 

@@ -138,4 +138,5 @@ def _scenario(site: Site, robots: RobotSpec, count: int, tick: float) -> Scenari
         telemetry=1.0,
         commands=(),
         mission=(),
+        laser=site.laser,
     )

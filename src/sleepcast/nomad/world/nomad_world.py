@@ -20,7 +20,7 @@ from sleepcast.core.errors import MisuseError
 from sleepcast.nomad.world.obstacles import PlacedObstacles
 from sleepcast.nomad.world.paths import discs, first_along, first_round, has_room
 from sleepcast.nomad.world.setups import Infrared, Setup
-from sleepcast.robot import Axes, Condition, Contact, Corners, Pose, SonarKind
+from sleepcast.robot import Axes, Condition, Contact, Corners, LidarKind, Pose, SonarKind
 from sleepcast.simulator.bodies.bodies import Bodies, Mode
 from sleepcast.simulator.bodies.proximity import Sonars, reach
 from sleepcast.simulator.simd.formulas import wrap
@@ -103,6 +103,12 @@ class NomadWorld:
         self._check(robot)
         ring = self._sonars.ring
         return SonarKind(ring.beam, ring.least, ring.most)
+
+    def lidar(self, robot: int) -> LidarKind:
+        self._check(robot)
+        laser = self.simulator.scenario.laser
+        assert laser  # every world of Nomads has one
+        return LidarKind(laser.beams, laser.first, laser.increment, laser.least, laser.reach)
 
     # ---- driving
 
@@ -310,9 +316,9 @@ class NomadWorld:
         turret = pose.turret if self._turns_turret else pose.heading
         return self._senses.predict(Pose(pose.x + self.origin[0], pose.y + self.origin[1], pose.heading, turret))
 
-    def scan(self, robot: int, rays: int, most: float) -> tuple[float, ...]:
+    def scan(self, robot: int) -> tuple[float, ...]:
         self._check(robot)
-        return self._senses.scan(robot, rays, most)
+        return tuple(self.simulator.scans(np.array([robot]))[0].tolist())
 
     def along(self, robot: int, start: tuple[float, float], end: tuple[float, float]) -> Contact | None:
         """Considers all solid things, and the other robots at their current positions."""
@@ -522,17 +528,6 @@ class NomadSenses:
         heard = np.clip(self._lonely(self._sonars.cones, at), ring.least, ring.most)
         seen = self._lonely(self._infrared, at) if self._infrared else np.empty(0)
         return tuple(heard.tolist()), tuple(seen.tolist())
-
-    def scan(self, robot: int, rays: int, most: float) -> Values:
-        """See `SimulatedWorld.scan`. A ray is a cone without width that begins in the middle of the body."""
-        bodies, near = self._bodies, self._bodies.near
-        lidar = Cones(rays, 0.0, most, np.pi / 2.0, 0.0, bodies.geometry.radius)
-        pose = bodies.x, bodies.y, bodies.heading
-        scene = near.points(bodies.x, bodies.y), near.solids(most), near.world.solids
-        seen = cones.ranges(VisibleScene(lidar, near.grid, *scene, pose, bodies.radii), np.array([robot]))[0].astype(
-            np.float64
-        )
-        return tuple(np.where(seen < np.float32(most), seen, np.inf).tolist())
 
     def _lonely(self, ring: Cones, pose: tuple[Floats, Floats, Floats]) -> Floats:
         near = self._bodies.near

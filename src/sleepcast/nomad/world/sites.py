@@ -1,9 +1,9 @@
 """Sites: the worlds that Nomads are placed in, read from files.
 
-A world is a scenario (of which robots and everything else are ignored), a TOML file with only a scenario's table
-[world], a ROS map, or a text file with one polygon per line, `n x1 y1 ... xn yn` in tenths of an inch. One point of
-it is the origin, the robots' 0, 0: for polygons and maps their own 0, 0, otherwise the centre, or what the table
-[nomad] of the file says. That table may also set where robots start:
+A world is a scenario (of which robots and all but [laser] are ignored), a TOML file with only a scenario's tables
+[world] and [laser], a ROS map, or a text file with one polygon per line, `n x1 y1 ... xn yn` in tenths of an inch.
+One point of it is the origin, the robots' 0, 0: for polygons and maps their own 0, 0, otherwise the centre, or what
+the table [nomad] of the file says. That table may also set where robots start:
 
     [nomad]
     origin = ["3m", "3m"]
@@ -29,6 +29,7 @@ from sleepcast.core.settings import SettingsError, Table, read_text, toml_docume
 from sleepcast.core.units import LENGTH
 from sleepcast.robot import Corners
 from sleepcast.simulator.scenario.robot_settings import INCH, MAX_WORLD, TENTH
+from sleepcast.simulator.scenario.scanners import LaserModel, read_laser
 from sleepcast.simulator.scenario.scenario import FILE, FORMAT
 from sleepcast.simulator.scenario.world_settings import MAX_POINTS, MAX_SHAPES, Changes, read_world
 from sleepcast.simulator.world.ros_map import read_map
@@ -43,6 +44,8 @@ ROOM = 30 * CELL
 BEYOND = 2 * CELL
 """Least open space around the outermost corners of a world of polygons, m."""
 FULL_TURN = 2.0 * pi
+LIDAR = LaserModel(beams=360, first=0.0, increment=FULL_TURN / 360, least=0.0, reach=8.0, noise=0.0)
+"""That of robots whose world does not say which they have: a beam a degree, without errors. Real Scouts had none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +65,7 @@ class Site:
     origin: the point of their 0, 0.
     starts: where they start, empty if the world does not say.
     seed: random seed.
+    laser: their lidar, `LIDAR` if the world does not say.
     """
 
     path: Path
@@ -71,6 +75,7 @@ class Site:
     origin: Point
     starts: tuple[Start, ...] = ()
     seed: int = 0
+    laser: LaserModel = LIDAR
 
 
 def read_site(world: Path | None, robots: int | None = None, seed: int | None = None) -> Site:
@@ -97,12 +102,13 @@ def _of_toml(file: Path, robots: int | None, seed: int | None) -> Site:
         world = read_world(root, lambda: count, Changes(robots=robots), chosen)
         size = world.width, world.height
         origin, starts = _nomad(root, size)
+        laser = read_laser(root, version) or LIDAR
         known = root.names() if root.has("robots") else ("title", "about")
         for key in known:  # the other keys of a scenario are ignored
             root.has(key)
     # The edge, which comes last if it is a wall, is added to every world later.
     shapes = world.shapes if world.fenced or world.torus else world.shapes[:-1]
-    return Site(file, *size, shapes, origin, starts, chosen)
+    return Site(file, *size, shapes, origin, starts, chosen, laser)
 
 
 def _nomad(root: Table, size: Point) -> tuple[Point, tuple[Start, ...]]:

@@ -14,7 +14,8 @@ import subprocess
 import sys
 import time
 import weakref
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from math import inf, isnan
 from multiprocessing import active_children
 from pathlib import Path
@@ -44,6 +45,7 @@ from sleepcast.experiments.results import (
 from sleepcast.experiments.run import (
     ENDED,
     ClusterError,
+    ClusterLostError,
     Runner,
     checked_cluster,
     do,
@@ -660,6 +662,27 @@ def test_a_missing_library_gives_the_command_that_installs_it(
     assert "Traceback" not in done.stderr
 
 
+@contextmanager
+def dask(folder: Path) -> Iterator[tuple[str, subprocess.Popen[bytes], Callable[[], object]]]:
+    """A dask scheduler, with its address, and what adds a worker with one thread."""
+    file = folder / "scheduler.json"
+    options = ("--no-dashboard", "--scheduler-file", f"{file}")
+    with ExitStack() as started, (folder / "log").open("wb") as log:
+
+        def start(*words: str) -> subprocess.Popen[bytes]:
+            command = [sys.executable, "-W", "ignore", "-m", "dask", *words, *options]
+            process = started.enter_context(subprocess.Popen(command, cwd=folder, stdout=log, stderr=log))
+            started.callback(process.kill)
+            return process
+
+        scheduler = start("scheduler", "--host", "127.0.0.1", "--port", "0")
+        while not (file.exists() and file.stat().st_size):
+            assert scheduler.poll() is None, (folder / "log").read_text()
+            time.sleep(0.05)
+        address = json.loads(file.read_text())["address"]
+        yield address, scheduler, lambda: start("worker", "--nthreads", "1", "--no-nanny")
+
+
 class TestCluster:
     @pytest.mark.nightly
     def test_a_local_cluster_does_for_a_trial(self, tmp_path: Path) -> None:
@@ -690,42 +713,51 @@ class TestCluster:
         wanted = experiment(seeds=4)
         fill(wanted, tmp_path / "here")
         (tmp_path / "experiment.toml").write_text(wanted.to_toml())
-        file = tmp_path / "scheduler.json"
-        dask = (sys.executable, "-W", "ignore", "-m", "dask")
-        scheduler = (
-            *dask,
-            "scheduler",
-            "--host",
-            "127.0.0.1",
-            "--port",
-            "0",
-            "--no-dashboard",
-            "--scheduler-file",
-            f"{file}",
-        )
-        worker = (*dask, "worker", "--scheduler-file", f"{file}", "--nthreads", "1", "--no-dashboard", "--no-nanny")
-        with (tmp_path / "log").open("wb") as log:
-            started = [
-                subprocess.Popen(command, cwd=tmp_path, stdout=log, stderr=log)
-                for command in (scheduler, worker, worker)
-            ]
-            try:
-                while not (file.exists() and file.stat().st_size):
-                    assert started[0].poll() is None, (tmp_path / "log").read_text()
-                    time.sleep(0.05)
-                address = json.loads(file.read_text())["address"]
-                command = (sys.executable, "-m", "sleepcast", "sweep", "experiment.toml", "--out", "there", "--quiet")
-                done = subprocess.run(
-                    [*command, "--cluster", address], cwd=tmp_path, capture_output=True, text=True, check=False
-                )
-            finally:
-                for process in started:
-                    process.kill()
-                    process.wait()
+        with dask(tmp_path) as (address, _, add_worker):
+            add_worker()
+            add_worker()
+            command = (sys.executable, "-m", "sleepcast", "sweep", "experiment.toml", "--out", "there", "--quiet")
+            done = subprocess.run(
+                [*command, "--cluster", address], cwd=tmp_path, capture_output=True, text=True, check=False
+            )
         assert done.returncode == 0, done.stderr
         assert "8 of 8 runs done" in done.stdout
         here, there = (list(outcomes_in(tmp_path / name)) for name in ("here", "there"))
         assert all(each.same_as(other) for each, other in zip(here, there, strict=True))
+
+    def test_workers_that_come_later_get_runs_too(self, tmp_path: Path) -> None:
+        distributed = pytest.importorskip("distributed")
+        wanted = experiment(seeds=10)
+        with (
+            dask(tmp_path) as (address, _, add_worker),
+            distributed.Client(address) as desk,
+            run.Cluster(wanted, address) as pool,
+        ):
+            add_worker()
+            found = pool.map(wanted.runs())
+            assert all(each.error == "" for each in next(found))
+            add_worker()
+            add_worker()
+            desk.wait_for_workers(3)
+            next(found)
+            next(found)
+            assert len(desk.run_on_scheduler(lambda dask_scheduler: list(dask_scheduler.tasks))) >= 3 * run.AHEAD - 1
+            assert 3 + len(list(found)) == len(list(wanted.runs()))
+
+    def test_a_scheduler_that_ends_meanwhile_is_named(self, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+        """It takes along what it had been given, which is no failure of these runs."""
+        pytest.importorskip("distributed")
+        wanted = experiment(seeds=400)
+        with dask(tmp_path) as (address, scheduler, add_worker):
+            add_worker()
+            with run.Cluster(wanted, address) as pool:
+                found = pool.map(wanted.runs())
+                done = next(found)
+                scheduler.kill()
+                with pytest.raises(ClusterLostError, match="has gone; what is done is kept"):
+                    done += [each for more in found for each in more]
+        assert all(each.error == "" for each in done)
+        assert "Traceback" not in capfd.readouterr().err
 
     @pytest.mark.parametrize(
         ("address", "why"),

@@ -10,11 +10,13 @@ Measures in Python are imported and called here: whether they may be is decided 
 from __future__ import annotations
 
 import json
+import logging
 import os
 import re
 import signal
 from collections import OrderedDict, deque
 from collections.abc import Generator, Iterable, Iterator, Sequence
+from concurrent.futures import CancelledError
 from contextlib import suppress
 from dataclasses import replace
 from itertools import chain, islice
@@ -23,7 +25,7 @@ from multiprocessing import connection, get_context
 from pathlib import Path
 from threading import Thread
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 import msgspec
@@ -75,6 +77,10 @@ ENDED = "the system ended its worker process: perhaps there was not enough memor
 
 class ClusterError(MisuseError):
     """A cluster that cannot be reached."""
+
+
+class ClusterLostError(SleepcastError):
+    """A cluster that has gone while runs were with it."""
 
 
 class Runner:
@@ -195,7 +201,7 @@ def run_all(
     results: Results, workers: int | str, *, retry: bool = False, limit: float = LONGEST_RUN
 ) -> Generator[RunResult, None, None]:
     """Do all runs that are missing, and write each one as it finishes; gives them in that order. Raises
-    ResultsLostError, and ClusterError where there is no cluster.
+    ResultsLostError, ClusterError where there is no cluster, and ClusterLostError where it has gone.
 
     workers: so many processes here, or the address of a dask cluster.
     retry: also those that failed.
@@ -359,7 +365,7 @@ class Cluster:
             from distributed import Client
         except ImportError as error:
             raise ClusterError(f"a cluster needs dask; to install it: {installing('cluster')}") from error
-        self._experiment = experiment
+        self._experiment, self._address = experiment, address
         try:
             self._client = Client(address, timeout=CONNECTING)
         except Exception as error:  # what answers there may say anything
@@ -369,25 +375,41 @@ class Cluster:
         return self
 
     def __exit__(self, *ended: object) -> None:
-        self._client.close()
+        log = logging.getLogger("distributed.client")  # a traceback for whoever leaves while it looks for the scheduler
+        before, log.disabled = log.disabled, True
+        try:
+            self._client.close()
+        finally:
+            log.disabled = before
 
     def map(self, runs: Iterable[PlannedRun]) -> Iterator[list[RunResult]]:
-        """See `Workers.map`."""
+        """See `Workers.map`. Workers may come and go meanwhile. Raises ClusterLostError."""
         from distributed import as_completed
 
-        left = iter(runs)
-        asked = {self._submit(run): run for run in islice(left, AHEAD * max(1, sum(self._client.nthreads().values())))}
-        finished = as_completed(list(asked))
-        for future in finished:
-            run = asked.pop(future)
-            error = future.exception()
-            if error is None:
-                yield [outcome_in(future.result(), self._experiment, run)]
-            else:
-                yield [RunResult(run, error=f"{ENDED} ({type(error).__name__})")]
-            if (following := next(left, None)) is not None:
-                asked[added := self._submit(following)] = following
-                finished.add(added)
+        left, asked, finished = iter(runs), dict[Any, PlannedRun](), as_completed()
+        try:
+            while True:
+                for run in islice(left, max(0, self._places() - len(asked))):
+                    asked[future := self._submit(run)] = run
+                    finished.add(future)
+                if (future := next(finished, None)) is None:
+                    return
+                yield [self._outcome(future, asked.pop(future))]
+        except (CancelledError, OSError) as error:
+            raise ClusterLostError(
+                f"the dask scheduler at {self._address} has gone; what is done is kept: go on when it is back"
+            ) from error
+
+    def _places(self) -> int:
+        """How many runs the cluster is to have now."""
+        threads: dict[str, int] = self._client.nthreads()
+        return AHEAD * max(1, sum(threads.values()))
+
+    def _outcome(self, future: Future[bytes], run: PlannedRun) -> RunResult:
+        """Raises CancelledError for one that the scheduler has taken with it, which has no exception of its own."""
+        if not future.cancelled() and (error := future.exception()) is not None:
+            return RunResult(run, error=f"{ENDED} ({type(error).__name__})")
+        return outcome_in(future.result(), self._experiment, run)
 
     def _submit(self, run: PlannedRun) -> Future[bytes]:
         future: Future[bytes] = self._client.submit(do_elsewhere, self._experiment, run, pure=False)

@@ -1,5 +1,5 @@
 """A recorded run as a bag of ROS 2: a folder with `metadata.yaml` and one MCAP file whose messages are CDR, for Humble
-and all later releases.
+and later releases.
 
     /poses        PoseArray        all robots, in the frame map
     /tf           TFMessage        NAME/odom to NAME/base_link; map to NAME/odom, and sonars, are in /tf_static
@@ -51,7 +51,7 @@ MAX_OWN_TOPICS = 100
 SEVERITY = {Level.INFO: 20, Level.WARNING: 30, Level.ERROR: 40}
 """Of rcl_interfaces/Log."""
 METADATA_VERSION: Literal[8] = 8
-"""Of `metadata.yaml`. In 9 QoS are no text any more, which Humble and Iron refuse; all later releases read 8, too."""
+"""Of `metadata.yaml`. In 9 QoS are no text any more, which Humble and Iron refuse; Jazzy reads 8, too."""
 FOREVER = 9_223_372_036, 854_775_807
 """Seconds and nanoseconds, as `ros2 bag` writes an infinite duration."""
 MAP = "map"

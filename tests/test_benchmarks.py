@@ -311,6 +311,17 @@ def test_the_neighbours_benchmark_times_every_function_and_has_its_bar() -> None
 
 
 @pytest.mark.nightly
+def test_the_scanners_benchmark_looks_on_every_machine_and_has_its_bar() -> None:
+    command = [sys.executable, "-m", "benchmarks.scanners", "--robots", "50", "--beams", "36", "--quick", "--json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert all(0.0 < row["quickest"] <= row["clock"] for row in found["rows"])
+    assert all(min(row["processor"], row["blind"], row["speed"]) > 0.0 for row in found["rows"])
+    assert [bar["value"] for bar in found["bars"]] == [None, None]  # they are about a thousand robots
+
+
+@pytest.mark.nightly
 def test_the_past_benchmark_answers_every_question_and_has_its_bar() -> None:
     command = [sys.executable, "-m", "benchmarks.past", "--robots", "60", "1000", "--quick", "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)

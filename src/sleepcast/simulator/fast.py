@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from sleepcast.core.arrays import LINE, Arena
 from sleepcast.core.threads import FEW, SIZES, ThreadPool, borders
-from sleepcast.simulator.laser.beams import BeamScene, far_of
+from sleepcast.simulator.laser.beams import ROUGH, SLACK, BeamScene, far_of
 from sleepcast.simulator.motion.driving import Laws
 from sleepcast.simulator.motion.steps import SKIN, BodyColumns, Displacement, Draws, Settled, boxes_of, clear
 from sleepcast.simulator.neighbours.neighbourhood import Formula, Vicinity
@@ -206,7 +206,9 @@ class NumbaMachine:
         places = (scene.x, scene.y, scene.heading, scene.whose, scene.radii, order, start)
         seen = (*places, listed.start, listed.items, scene.solids, grid.size, grid.columns, grid.rows)
         far = far_of(model, 0.0), far_of(model, float(scene.radii.max(initial=0.0)))
-        beams, limits = (model.first, model.increment, cosine, sine), (model.least, model.reach, model.noise, *far)
+        axes = (np.append(each, np.zeros(LANES)) for each in (cosine, sine))
+        beams = (model.first, model.increment, SLACK + ROUGH / model.increment, *axes)
+        limits = (model.least, model.reach, model.noise, *far)
 
         def work(first: int, last: int) -> None:
             kernels_beams.scan(seen, beams, limits, np.uint64(key), which, first, last, measured)

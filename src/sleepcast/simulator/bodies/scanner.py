@@ -16,7 +16,8 @@ from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.laser.beams import BeamScene
 from sleepcast.simulator.scenario.scanners import LaserModel
 from sleepcast.simulator.sonar.cones import Ranges
-from sleepcast.simulator.world.grid import Floats, Whole
+from sleepcast.simulator.world.grid import CellLists, Floats, Whole, list_solids
+from sleepcast.simulator.world.sight import joined
 
 Pose = tuple[Floats, Floats, Floats]
 
@@ -31,6 +32,10 @@ class Scanner:
         self._known = -1, -1
         """The tick and the version of the world in which ranges were measured."""
         self._fresh: NDArray[np.bool_] = np.zeros(len(radii), np.bool_)
+        self._version = -1
+        """Of the world whose solids, in the frame of the cells, are these, listed for each cell."""
+        self._solids = np.empty((0, 5))
+        self._listed = CellLists(np.empty(0, np.int32), np.empty(0, np.int32))
         self._ranges: Ranges = np.empty((0, model.beams), np.float32)
 
     def forget(self) -> None:
@@ -56,9 +61,11 @@ class Scanner:
         near, (x, y, heading) = self._near, pose
         points, images = near.points(x, y), near.images(x, y)
         whose = images.whose(np.arange(len(images.x)))
-        listed = near.solids(self.model.reach)
+        if self._version != near.world.version:
+            self._version, self._solids = near.world.version, joined(near.lines)
+            self._listed = list_solids(near.grid, self._solids, self.model.reach)
         where = (images.x, images.y, heading[whose], whose, self._radii)
-        return BeamScene(*where, near.grid, points, listed, near.lines)
+        return BeamScene(*where, near.grid, points, self._listed, self._solids)
 
 
 def _all_in_order(robots: Whole) -> bool:

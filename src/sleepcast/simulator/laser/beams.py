@@ -26,6 +26,8 @@ AT_ONCE = 250
 SLACK = 0.05
 """In beams: by how much farther beams are asked whether they hit something than angles say. Far more than what
 rounding moves an angle by, also of what is barely touched."""
+ROUGH = 1e-4
+"""Rad: more than by what compiled code may be wrong about directions."""
 NEARLY_HALF = np.pi - 1e-6
 """Rad: a line that seems to be this wide passes so near that all beams are asked."""
 NUMBERS = 2_048

@@ -10,7 +10,7 @@ from playwright.sync_api import BrowserContext, Page, expect
 from console.conftest import COMMANDS
 from console.running import PATIENCE, Program
 from console.test_page import await_picture, opened, pixels, pixels_seen, until
-from console.test_sight import LAMPS, NEAR, TEXT, WALL
+from console.test_sight import LAMPS, LASER, NEAR, TEXT, WALL
 from small_worlds import write
 
 pytestmark = pytest.mark.browser
@@ -22,7 +22,7 @@ expect.set_options(timeout=1000 * PATIENCE)
 def room(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
     """Three robots that stand: one beside the first, one behind a wall; and lamps."""
     folder = tmp_path_factory.mktemp("room")
-    write(folder, more=COMMANDS + WALL + NEAR + LAMPS, text=TEXT)
+    write(folder, more=COMMANDS + WALL + NEAR + LAMPS + LASER, text=TEXT)
     with Program("run", folder, "--page") as started:
         yield started
 
@@ -46,9 +46,14 @@ def test_lines_go_to_what_it_sees_and_end_at_walls(page: Page) -> None:
     assert not lamp()
     page.locator("#layers").click()
     box = page.get_by_label("Sight of the chosen robot")
-    assert "other robots and lights" in (box.locator("..").get_attribute("title") or "")
+    assert box.locator("..").get_attribute("title") == (
+        "Lines to other robots and lights in reach, dashed up to what hides the rest. "
+        "Dots where the beams of its scanner end"
+    )
+    before = len(pixels(page, "--place"))
     box.check()
     until(page, lamp)
+    assert len(pixels(page, "--place")) > before + 50, "the scan"
     seen = pixels(page, "--chosen")
     assert min(y for _, y in seen) < top - 20, "to the robot above"
     assert max(x for x, _ in seen) <= right + 2, "to none behind the wall"

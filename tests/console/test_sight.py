@@ -49,6 +49,7 @@ reach = "8m"
 x = "4m"
 y = "10m"
 """
+LASER = '\n[laser]\nbeams = 72\nrange = "6m"\n'
 PINGS = '\n[pings]\nreach = "6m"\n'
 
 
@@ -112,6 +113,20 @@ def test_on_a_torus_the_shortest_way_counts(tmp_path: Path) -> None:
     view = sight_now(simulator(tmp_path, wall + NEAR, torus, starts), 0)
     assert view.lines[0] == SightLine("neighbours", 1, -2.0, 10.0, (pytest.approx(-1.0), 10.0))
     assert min(x for x, _ in view.area) == pytest.approx(1.0 - 0.8 * 6.0, abs=0.01), "past its upper end"
+
+
+def test_beams_of_a_scanner_end_at_what_they_meet(tmp_path: Path) -> None:
+    sim = simulator(tmp_path, WALL + LASER, ('["8m", "10m"]', '["8m", "10m", "0deg"]'))
+    before = sim.state_hash()
+    points = np.array(sight_now(sim, 0).scan)
+    assert sim.state_hash() == before
+    assert [10.0, 10.0] in points.tolist(), "the wall ahead"
+    walls = points[points[:, 1] < 11.6]
+    assert len(walls) > 5
+    assert walls[:, 0] == pytest.approx(10.0, abs=1e-3)
+    beside = points[points[:, 1] > 11.6]
+    assert np.hypot(beside[:, 0] - 8.0, beside[:, 1] - 14.0) == pytest.approx(0.25, abs=1e-3), "the robot above"
+    assert scene_of(sim.scenario, ()).senses == ("scanner",)
 
 
 def test_only_robots_with_a_light_sensor_see_lights(tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 """What robots of a simulated world see, as the map shows it: now, and where a recording says that they were.
 
 Whether a line is blocked, and where, is known from `world.sight` alone, as in the run itself. What is lost by chance on
-the way (`[neighbours] loss`) is not told here.
+the way (`[neighbours] loss`) is not told here. What a scanner measured was not recorded, so that recordings show none.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import hypot, inf, pi
 
+import msgspec
 import numpy as np
 
 from sleepcast.console.features.sight import MAX_SIGHT_LINES, Sense, SightLine, SightView
@@ -30,12 +31,13 @@ BESIDE = 1e-5
 """How far beside such an end, rad."""
 
 
-def senses_of(scenario: Scenario) -> tuple[Sense, ...]:
+def senses_of(scenario: Scenario) -> tuple[str, ...]:
     """The senses of a scenario's robots that see or hear something elsewhere."""
-    there: dict[Sense, object] = {
+    there = {
         "neighbours": scenario.neighbours,
         "pings": scenario.pings,
         "lights": scenario.lights,
+        "scanner": scenario.laser,
     }
     return tuple(name for name, sense in there.items() if sense)
 
@@ -43,7 +45,20 @@ def senses_of(scenario: Scenario) -> tuple[Sense, ...]:
 def sight_now(simulator: Simulator, robot: int) -> SightView:
     """What a robot sees now. Changes nothing that a run depends on."""
     bodies = simulator.bodies
-    return _Observer(simulator.scenario, bodies.sight, (bodies.x, bodies.y), robot).view()
+    view = _Observer(simulator.scenario, bodies.sight, (bodies.x, bodies.y), robot).view()
+    return msgspec.structs.replace(view, scan=_scan_of(simulator, robot))
+
+
+def _scan_of(simulator: Simulator, robot: int) -> Outline:
+    """Where the beams of a robot's scanner have met something."""
+    bodies, laser = simulator.bodies, simulator.scenario.laser
+    if laser is None:
+        return ()
+    ranges = simulator.scans(np.array([robot]))[0].astype(np.float64)
+    met = np.isfinite(ranges)
+    angles = (bodies.heading[robot] + laser.angles)[met]
+    x, y = bodies.x[robot] + ranges[met] * np.cos(angles), bodies.y[robot] + ranges[met] * np.sin(angles)
+    return _corners(x, y)
 
 
 class RecordedSight:
@@ -130,8 +145,7 @@ class _Observer:
         x, y = np.full(angles.size, self._x), np.full(angles.size, self._y)
         dx, dy = reach * np.cos(angles), reach * np.sin(angles)
         shares = np.minimum(stops(walls, x, y, x + dx, y + dy), self._in_world(dx, dy))
-        corners = np.round(np.stack((x + shares * dx, y + shares * dy), axis=1), 4)
-        return tuple((x, y) for x, y in corners.tolist())
+        return _corners(x + shares * dx, y + shares * dy)
 
     def _in_world(self, dx: Floats, dy: Floats) -> Floats:
         """Which share of each way that begins at the robot lies in the world, 1 for all of it, as on a torus."""
@@ -166,6 +180,11 @@ class _Observer:
         to_ends = np.arctan2(some[:, 1], some[:, 0])
         even = np.linspace(-pi, pi, DIRECTIONS, endpoint=False)
         return np.unique(np.concatenate((even, to_ends - BESIDE, to_ends, to_ends + BESIDE)))
+
+
+def _corners(x: Floats, y: Floats) -> Outline:
+    """Points as pages are told them: more digits than can be seen would only take time."""
+    return tuple((x, y) for x, y in np.round(np.stack((x, y), axis=1), 4).tolist())
 
 
 def _nearest(away: Floats, reach: float | Floats) -> Whole:

@@ -42,13 +42,19 @@ class SightLine(msgspec.Struct, frozen=True):
 
 
 class SightView(msgspec.Struct, frozen=True):
-    """What a robot at x, y (m) sees. area: corners of what it overlooks between walls, as far as the farthest of its
-    senses reaches that walls hide things from; empty where walls hide nothing."""
+    """What a robot at x, y (m) sees.
+
+    lines: to what is in reach
+    area: corners of what it overlooks between walls, as far as the farthest of its senses reaches that walls hide
+        things from; empty where walls hide nothing
+    scan: where the beams of its scanner have met something, m; empty where there is none, or nobody knows
+    """
 
     x: float
     y: float
     lines: tuple[SightLine, ...]
     area: Outline
+    scan: Outline = ()
 
 
 class Seen(DeskMessage):

@@ -1,10 +1,11 @@
 // What the chosen robot sees, on the map, while its layer is shown: lines to what is in the reach of its senses, dashed up
-// to what hides the rest, and the area that it overlooks between walls.
+// to what hides the rest, the area that it overlooks between walls, and where the beams of its scanner end.
 
 import { disc } from "./sensing.js";
 import { Asking } from "./senses.js";
 
 const CROSS = 4; // pixels: half of the mark where a line is blocked
+const DOT = 3; // pixels: the side of the mark where a beam ends
 const SENSES = { neighbours: "other robots", pings: "robots whose pings it hears", lights: "lights" };
 
 export class SightLayer extends Asking {
@@ -24,7 +25,7 @@ export class SightLayer extends Asking {
     const line = this.menu.querySelector("#layer-sight")?.closest(".layer");
     if (!line) return;
     line.hidden = !this.there;
-    line.querySelector("label").title = `Lines to ${senses.map((sense) => SENSES[sense]).join(" and ")} in reach; dashed up to what hides the rest`;
+    line.querySelector("label").title = hint(senses);
     this.renew();
   }
 
@@ -34,6 +35,7 @@ export class SightLayer extends Asking {
     const { view, colours, marks } = world;
     const { sight } = told;
     drawArea(pen, view, sight.area, colours.chosen);
+    drawScan(pen, view, sight.scan, colours.place);
     const from = placeOf(world, marks.chosen, sight);
     for (const line of sight.lines) drawLine(pen, view, from, line, placeOf(world, line.robot, line), colours);
   }
@@ -45,6 +47,18 @@ function placeOf({ frame: { poses, count }, scene: { area: [left, bottom, right,
   const [nowX, nowY] = [poses[3 * robot], poses[3 * robot + 1]];
   const same = Math.abs(nowX - x) < (right - left) / 2 && Math.abs(nowY - y) < (top - bottom) / 2;
   return same ? [nowX, nowY] : [x, y];
+}
+
+function hint(senses) {
+  const seen = senses.filter((sense) => sense in SENSES).map((sense) => SENSES[sense]);
+  const lines = seen.length ? [`Lines to ${seen.join(" and ")} in reach, dashed up to what hides the rest`] : [];
+  const dots = senses.includes("scanner") ? ["Dots where the beams of its scanner end"] : [];
+  return [...lines, ...dots].join(". ");
+}
+
+function drawScan(pen, view, points, colour) {
+  pen.fillStyle = colour;
+  for (const [x, y] of points) pen.fillRect(view.toScreenX(x) - DOT / 2, view.toScreenY(y) - DOT / 2, DOT, DOT);
 }
 
 function drawArea(pen, view, corners, colour) {

@@ -129,9 +129,11 @@ def test_a_priority_is_refused_in_a_sentence(robot: board.Talk) -> None:
         "(SUM-OVER (n 5m) (OF n x))",
         "(BEST-OVER (n 5m 1) (OF n distance))",
         "(FOR-NEIGHBOURS (n 5m) (MARK))",
+        "(BEST 1 1 TRUE (MARK))",
+        "(QUORUM 1 2 TRUE (MARK))",
     ],
 )
-def test_neighbours_are_a_fault_with_a_sentence(robot: board.Talk, text: str) -> None:
+def test_neighbours_and_choosing_are_a_fault_with_a_sentence(robot: board.Talk, text: str) -> None:
     fresh(robot)
     outcome = evaluate(robot, text)
     assert math.isnan(outcome.value)

@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 from language.reference_forms import (
     AROUND,
+    CHOOSING,
     FLAGS,
     arguments,
     cost,
@@ -173,7 +174,7 @@ class Reference:
         if isinstance(form, Symbol):
             return self.name(form, scope)
         head = head_of(form)
-        gives_way = head in ("area", "inside", "to-edge", "of") or head in AROUND
+        gives_way = head in ("area", "inside", "to-edge", "of", *CHOOSING) or head in AROUND
         if head in SPECIAL and not (gives_way and head in self.operators):
             return float(SPECIAL[head](self, arguments(form), scope))
         if head in PURE:
@@ -348,6 +349,17 @@ class Reference:
         if field is None or math.isnan(neighbour):
             return UNKNOWN
         return float(field.call(self.body, neighbour))
+
+    # ---- the best so many, and a quorum ----
+
+    def choosing(self, name: str, test: Form, scope: Scope) -> float:
+        return self.fault(f"{name} chooses among robots that are sent this") if true(self.value(test, scope)) else 0.0
+
+    def do_best(self, forms: Sequence[Form], scope: Scope) -> float:
+        return self.choosing("BEST", forms[2], scope)
+
+    def do_quorum(self, forms: Sequence[Form], scope: Scope) -> float:
+        return self.choosing("QUORUM", forms[2], scope)
 
     # ---- assignment ----
 

@@ -20,6 +20,8 @@ AROUND = {
     "for-neighbours": 64,
 }  # fmt: skip
 """Calls that evaluate their rest for each neighbour, and for how many at most."""
+CHOOSING = {"best": 1, "quorum": 2}
+"""Whole commands that choose among robots, and how many numbers of robots each begins with."""
 FLAGS = {
     "sleep": ("sleeping", 1.0),
     "wake": ("sleeping", 0.0),
@@ -48,6 +50,11 @@ def is_call(form: Form, key: str) -> bool:
     return isinstance(form, List) and form.head == key
 
 
+def chooses(form: Form) -> bool:
+    """Whether a list is a command that chooses among robots, and no call of an operator of that name."""
+    return head_of(form) in CHOOSING and len(arguments(form)) >= 4
+
+
 def unquoted(form: Form) -> Iterator[Form]:
     """The expressions after the commas of a template, left to right."""
     if is_call(form, UNQUOTE):
@@ -69,6 +76,8 @@ def evaluated(form: Form) -> list[Form]:
         return [*items(rest[0])[1:], *rest[1:]]
     if head == "of":
         return rest[:1]
+    if chooses(form):
+        return rest[CHOOSING[head] : 4]
     if head == "tell":
         return [] if is_call(rest[0], QUOTE) else list(unquoted(rest[0]))
     if head in ("setq", "lease", "defvar", "dotimes"):
@@ -98,6 +107,7 @@ def cost(form: Form) -> int:
     inside = sum(map(cost, evaluated(form)))
     storing = 40 + sum(map(size, kept)) if (kept := stored(form)) is not None else 0
     edge = 2 if is_call(form, "inside") else 0  # it compares the distance to the edge with a number
+    edge += chooses(form)  # the choosing itself, behind the test
     return 1 + edge + storing + (inside * repeats(arguments(form)[0]) if is_call(form, "dotimes") else inside)
 
 
@@ -168,6 +178,8 @@ def deciding_tests(
     rest = arguments(form)
     if head == "cond":
         return [items(clause)[0] for clause in rest] or None
+    if chooses(form):
+        return [rest[2]]
     if head in ("if", "when"):
         return [rest[0]]
     if head == "and":

@@ -20,6 +20,7 @@ from sleepcast.columns.evaluation import Evaluation, Programs
 from sleepcast.columns.neighbours import Fold, NeighbourLists, PairRows, reduced
 from sleepcast.columns.values import Column, Index, Mask, Rows
 from sleepcast.language.evaluate import is_true, too_deep
+from sleepcast.language.functions import AMONG_ROBOTS
 from sleepcast.language.numerics import normal
 from sleepcast.language.parts import Part, host_of, is_acting, walk
 from sleepcast.language.program import Program
@@ -469,6 +470,7 @@ _EVALUATORS: dict[str, Callable[[Sweep, Part, Rows], Column]] = {
     "call": _call,
     "host": lambda w, p, r: w.memory.host(p, r, *w.all(p.parts, r)),
     "missing": lambda w, p, r: w.memory.fault(p, r, f"this robot has no function {p.name}"),
+    "auction": lambda w, p, r: w.memory.fault(p, r, f"{p.name} chooses {AMONG_ROBOTS}"),
     "in": _in,
     "prob": _prob,
     "dice": _dice,

@@ -14,6 +14,7 @@ from math import inf, nan, sqrt
 from typing import NamedTuple
 
 from sleepcast.language.evaluate import apply, between, enter, gauss, prob, reduced
+from sleepcast.language.functions import AMONG_ROBOTS
 from sleepcast.language.parts import Part
 
 # ---- the emitter: lines, blocks, temporaries, and operands in their order
@@ -518,6 +519,9 @@ class _Generator(Emitter):
     def _missing(self, part: Part) -> CodePiece:
         name = self.constant(part)
         return self.statement(f"m.fault({name},'this robot has no function '+{name}.name)")
+
+    def _auction(self, part: Part) -> CodePiece:
+        return self.statement(f"m.fault({self.constant(part)},{f'{part.name} chooses {AMONG_ROBOTS}'!r})")
 
     def _prob(self, part: Part) -> CodePiece:
         return CodePiece(f"P(m,{self.safe(self.value(part.parts[0])).code})")

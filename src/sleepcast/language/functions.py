@@ -21,6 +21,14 @@ MAX_CORNERS = 48
 PRIORITY = ":priority"
 NEIGHBOURS = "neighbours"
 """What robots call the forms that go through their neighbours, when they say which forms they know."""
+CHOOSING = "best"
+"""What robots call the forms by which some of them are chosen, when they say which forms they know."""
+AMONG_ROBOTS = "among robots that are sent this: here there is nobody who collects bids"
+"""Why such a form is a fault where it is evaluated like any other."""
+WINDOW, LEASE = ":window", ":lease"
+"""What may stand behind such a form, each with a time."""
+MAX_CHOSEN = 64
+"""Robots that one of these forms chooses at most: their names fit into a few datagrams."""
 MAX_PRIORITY = 9
 """Of a rule, and its negative the least. As many levels as people tell apart."""
 MAX_HOPS = 8
@@ -408,6 +416,24 @@ _WORDS = (
         "truth",
         "The rest once for each neighbour n within r; gives 0.",
     ),
+    Function(
+        "BEST",
+        4,
+        8,
+        "n cost test command [:window t] [:lease t]",
+        "special",
+        "truth",
+        "The n robots of the least cost, among those whose test is true, obey the command.",
+    ),
+    Function(
+        "QUORUM",
+        4,
+        8,
+        "least most test command [:window t] [:lease t]",
+        "special",
+        "truth",
+        "Robots whose test is true obey the command, if there are at least so many, and at most so many of them.",
+    ),
 )
 
 WORDS: dict[str, Function] = {function.name.casefold(): function for function in _WORDS}
@@ -420,6 +446,8 @@ ABOUT_NEIGHBOURS = OVER | {"of", EACH}
 BODY_WORDS = {"scan-min": "laser scanner", "scan-gap": "laser scanner", "sees": "camera"}
 """Functions of a robot's own software that came after 0.2.0, and what robots need to have them. Their names give way,
 as those of `WORDS` do."""
+AUCTIONS = frozenset({"best", "quorum"})
+"""Words that came together, as `CHOOSING`."""
 BUILT_IN = FUNCTIONS | WORDS
 """Every built-in."""
 
@@ -498,6 +526,8 @@ EXAMPLES: dict[str, tuple[str, str]] = {
     "COUNT-OVER": ("(COUNT-OVER (n 3m) (> (OF n distance) 1m))", "0"),
     "BEST-OVER": ("(BEST-OVER (n 3m) (OF n distance))", "UNKNOWN"),
     "FOR-NEIGHBOURS": ("(LET ((near 0)) (FOR-NEIGHBOURS (n 3m) (SETQ near (+ near 1))) near)", "0"),
+    "BEST": ("(BEST 4 (DIST 0 0 3 4) TRUE (MARK))", "UNKNOWN"),
+    "QUORUM": ("(QUORUM 5 8 TRUE (MARK))", "UNKNOWN"),
     "DEFUN": ("(PROGN (DEFUN half (a) (/ a 2)) (half 10))", "5"),
     "JOIN": ("(PROGN (JOIN bravo) (IN bravo))", "1"),
     "LEAVE": ("(PROGN (JOIN bravo) (LEAVE bravo) (IN bravo))", "0"),

@@ -16,12 +16,14 @@ explainer shows it. What a part means is said by its `op`:
     over        a number from all neighbours, named by `name`: the arguments that say which, then a `clause`, evaluated
                 for each, whose id is the local name `slot`; number: of neighbours at most
     each        FOR-NEIGHBOURS, likewise
+    auction     BEST or QUORUM, by `name`: the cost, if there is one, and the command; who obeys is decided among robots
     act         everything else that changes the robot's mind or speaks, named by `name`
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 from sleepcast.core.model import HostFunction, NeighbourSensor
 from sleepcast.language.acts import ACTS
@@ -116,6 +118,26 @@ _PLACE = Symbol("\0")
 """What stands for a value in a template's text: no text that can be read holds it."""
 
 
+class Auction(NamedTuple):
+    """What BEST or QUORUM asks for: the two expressions that its robots evaluate, and how many may obey.
+
+    least, most: robots. bid: `(WHEN test cost)`, where a QUORUM costs 0; command: `(WHEN test command)`. window: s for
+    which bids are collected; lease: s for which a robot is a member without hearing anything. joins, rules: the keys of
+    the groups that the command joins, and of the rules that it makes, each with its text: a member's end with its
+    lease.
+    """
+
+    name: str
+    least: int
+    most: int
+    bid: str
+    command: str
+    window: float
+    lease: float
+    joins: tuple[str, ...]
+    rules: tuple[tuple[str, str], ...]
+
+
 class Label:
     """The text that goes with REPORT, PRINT or a labelled host function."""
 
@@ -125,7 +147,7 @@ class Label:
         self.text, self.function = text, function
 
 
-Data = Function | HostFunction | Variable | Storing | Defining | Template | Label | None
+Data = Function | HostFunction | Variable | Storing | Defining | Template | Auction | Label | None
 
 
 def walk(part: Part) -> list[Part]:
@@ -172,6 +194,13 @@ def ranked(form: Form) -> Form | None:
     """Where a RULE in `form` has a `:priority`, also one that is quoted or kept for later; None if none has."""
     lists = (each for each in walk_forms(form) if isinstance(each, List) and each.head == "rule")
     return next((each.items[3] for each in lists if len(each.items) > 3), None)
+
+
+def auction_of(root: Part) -> Auction | None:
+    """What a whole command asks for that chooses among robots; None for every other one."""
+    inside = root.parts[0].parts if root.op == "cond" else ()
+    auction = inside[-1].data if inside and inside[-1].op == "auction" else None
+    return auction if isinstance(auction, Auction) else None
 
 
 def irreversible(part: Part) -> str:

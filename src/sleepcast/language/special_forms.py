@@ -11,11 +11,16 @@ from math import nan
 
 from sleepcast.core.errors import decimal_comma, did_you_mean, with_article
 from sleepcast.core.model import Constant, HostFunction
+from sleepcast.core.units import TIME
 from sleepcast.language import areas
 from sleepcast.language.checker import STORE_STEPS, Checker, Special
 from sleepcast.language.functions import (
+    AUCTIONS,
+    CHOOSING,
     EACH,
     FUNCTIONS,
+    LEASE,
+    MAX_CHOSEN,
     MAX_EACH,
     MAX_HOPS,
     MAX_REDUCED,
@@ -23,15 +28,18 @@ from sleepcast.language.functions import (
     NEIGHBOURS,
     OVER,
     PRIORITY,
+    WINDOW,
 )
 from sleepcast.language.parts import (
     ONLY_PRIORITY,
+    Auction,
     Defining,
     Label,
     Part,
     Storing,
     Template,
     is_acting,
+    label_of,
     rank_of,
     ranked,
     walk,
@@ -50,6 +58,7 @@ from sleepcast.language.reader import (
     height,
     show,
 )
+from sleepcast.language.reader import walk as walk_forms
 from sleepcast.language.remembering import FORMS, SHARE
 from sleepcast.language.vocabulary import Variable, VariableKind, buffer_number, rule_key
 
@@ -225,6 +234,66 @@ def _sensor(checker: Checker, form: List) -> HostFunction | None:
         name = (form.head or "").upper()
         checker.warn(f"{name} @@ is a fault on these robots, which tell no neighbours apart", form.items[0], name)
     return sensor
+
+
+# ---- the best so many, and a quorum
+
+
+@_special(*AUCTIONS)
+def _auction(checker: Checker, form: List) -> Part:
+    name, is_whole = (form.head or "").upper(), checker.checked == 1
+    numbers, rest = form.items[1 : 2 if name == "BEST" else 3], form.items[2 if name == "BEST" else 3 :]
+    cost, rest = (rest[0], rest[1:]) if name == "BEST" else (_NO_COST, rest)
+    looked, test, command = checker.parts(form.items[2:3] if name == "BEST" else ()), *checker.parts(rest[:2])
+    if not is_whole:
+        return checker.error(f"{name} @@ is a whole command, sent once: it stands in no other expression", form)
+    if CHOOSING not in checker.names.vocabulary.forms:
+        return checker.error(f"{name} @@ came after what these robots run", form)
+    times = _times(checker, name, rest[2:])
+    counts = [_chosen(checker, name, each) for each in numbers]
+    if counts[0] > counts[-1]:
+        checker.error(f"at least {counts[0]} and at most {counts[-1]} robots @@: none can be both", form)
+    for part in (*looked, test):
+        if (deed := next(filter(is_acting, walk(part)), None)) is not None:
+            what = "test" if part is test else "cost"
+            checker.error(f"the {what} of {name} @@ does something: robots that are not chosen do it too", deed.form)
+    least, most = counts[0] if name == "QUORUM" else 1, counts[-1]
+    bid, obey = (show(List((_WHEN, rest[0], each))) for each in (cost, rest[1]))
+    joins = tuple(label_of(part).casefold() for part in walk(command) if part.op == "act" and part.name == "join")
+    storing = (part.data for part in walk(command) if isinstance(part.data, Storing) and part.data.activate)
+    rules = tuple((each.key, show(each.form)) for each in storing)
+    auction = Auction(name, least, most, bid, obey, *times, joins, rules)
+    chosen = Part("auction", form, (*looked, command), name=name, data=auction)
+    return Part("cond", form, (Part("clause", form, (test, chosen)),))
+
+
+_WHEN, _NO_COST = Symbol("WHEN"), Number(0.0)
+_WINDOWS, _LEASES = (0.2, 10.0), (1.0, 3_600.0)
+"""Bounds of the times of these forms, s: a round trip on a radio that loses half takes some tenths, and a lease is
+renewed several times before it ends."""
+
+
+def _chosen(checker: Checker, name: str, count: Form) -> int:
+    """A number of robots."""
+    if isinstance(count, Number) and count.dimension is None and count.value in range(1, MAX_CHOSEN + 1):
+        return int(count.value)
+    checker.error(f"{name} chooses a number of robots @@: wanted a whole number from 1 to {MAX_CHOSEN}", count)
+    return 1
+
+
+def _times(checker: Checker, name: str, behind: tuple[Form, ...]) -> tuple[float, float]:
+    """The seconds of the window and of the lease, as what stands behind the command says."""
+    times, bounds = {WINDOW: 1.0, LEASE: 4.0}, {WINDOW: _WINDOWS, LEASE: _LEASES}
+    for key, time in zip(behind[::2], (*behind[1::2], None), strict=False):
+        match key, time:
+            case Symbol(key=(":window" | ":lease") as which), Number(value=value, dimension=dimension) if (
+                dimension in (None, TIME) and bounds[which][0] <= value <= bounds[which][1]
+            ):
+                times[which] = value
+            case _:
+                wanted = " or ".join(f"{each} and {low:g}s to {high:g}s" for each, (low, high) in bounds.items())
+                checker.error(f"what follows the command of {name} @@ can only be {wanted}", key)
+    return times[WINDOW], times[LEASE]
 
 
 # ---- assignment
@@ -482,12 +551,20 @@ def _tell(checker: Checker, form: List) -> Part:
     if head != QUOTE:
         _collect_unquoted(checker, template, unquoted)
     hops = _hops(checker, form)
+    if (inside := _choosing(checker, template)) is not None:
+        checker.error("a TELL carries no BEST or QUORUM @@: only a desk collects bids", inside)
     if (rank := ranked(template)) is not None:
         checker.error(f"a TELL @@ cannot give a rule a {PRIORITY}: only a commander can", rank)
     parts = checker.parts(tuple(unquoted))
     # Robots that hear it may keep the same under these names: a rule must not come to tell itself for ever.
     checker.uses |= _entered(template)
     return Part("act", form, parts, name="tell", data=Template(template, tuple(unquoted), hops))
+
+
+def _choosing(checker: Checker, form: Form) -> Form | None:
+    """Where a told form has a BEST or QUORUM that is no name of people's own; None if it has none."""
+    lists = (each for each in walk_forms(form) if isinstance(each, List) and each.head in AUCTIONS)
+    return next((each for each in lists if checker.meaning(each.head or "") is None), None)
 
 
 def _hops(checker: Checker, form: List) -> int:

@@ -74,6 +74,25 @@ def test_what_is_hardly_meant_is_not_sent_for_a_script_unless_it_insists(on_air:
     assert told(on_air("send", "--anyway", "--count", "12", DOUBTED, "--json"))["n_matched"] == ROBOTS
 
 
+def test_the_best_four_obey_and_a_script_is_told_who_bid(dozen: str) -> None:
+    text = "(BEST 4 (- 20 id) (< id 10) (MARK) :window 2s)"
+    found = again_until(
+        lambda told: told["n_matched"] == 4 and not told["n_silent"], lambda: account(dozen, "send", text)
+    )
+    assert found["matched"] == found["auction"]["chosen"][::-1] == ["r6", "r7", "r8", "r9"]
+    assert found["auction"]["bids"]["r9"] == 11.0
+    assert found["auction"]["outbid"]["r5"] == ["r9", "r8", "r7", "r6"]
+    assert set(found["not_matched"]) == {f"r{n}" for n in (1, 2, 3, 4, 5, 10, 11, 12)}
+
+
+def test_a_person_is_told_who_was_chosen_and_who_was_outbid_by_whom(on_air: Callable[..., Called]) -> None:
+    text = "(BEST 1 id (< id 3) (MARK) :window 2s)"
+    told_of = again_until(lambda found: "chosen r1 (1)" in found.out, lambda: on_air("send", text))
+    assert "r2 by r1" in told_of.out
+    quorum = again_until(lambda found: "silent 0" in found.out, lambda: on_air("send", "(QUORUM 5 8 (< id 3) (MARK))"))
+    assert "wanted 5: nobody was chosen" in quorum.out
+
+
 def test_a_person_is_asked_about_what_is_hardly_meant(dozen: str) -> None:
     with terminal(["send", DOUBTED, "--count", "12", "--channel", dozen], Path.home()) as person:
         person.wait_for("did you mean (AND (> id 0) (> id 6))?")

@@ -19,6 +19,7 @@ from node.afloat import NOTES, TICK, Afloat, KilledError, Living, World
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.core.clock import ManualClock
+from sleepcast.mind.auction import GrantMessage
 from sleepcast.node.node import Node
 from sleepcast.node.store import InUseError, Store, StoreError
 
@@ -113,6 +114,31 @@ def test_a_robot_goes_on_with_what_it_had_learned(tmp_path: Path) -> None:
     (lease,) = (rule.lease for rule in robot.node.rules() if rule.name == "count")
     assert 94.0 < lease < 98.0, "it went on while the robot was away"
     assert robot.said == []
+
+
+def test_what_a_robot_is_by_a_lease_ends_with_its_life_and_a_bid_does_too(tmp_path: Path) -> None:
+    fleet, robot = one(tmp_path)
+    poll = fleet.post("(BEST 1 1 TRUE (PROGN (JOIN crew) (RULE shine (MARK))))")
+    fleet.run(0.3)
+    (bid,) = (each.bid for each in robot.node.bidding._open)
+    grants = GrantMessage(poll.sequence, True, {robot.name: max(bid._beats)}, ())
+    fleet.air.desk.delivery.post(Kind.REQUEST, fleet.air.clock.now(), body=grants.body())
+    fleet.run(0.3)
+    assert robot.node.evaluate("(IN crew)").value == 1.0
+    assert rules(robot) == [("shine", "(MARK)", True)]
+    later = fleet.post("(BEST 1 1 TRUE (NOTE 3))")
+    fleet.run(0.3)
+    robot.die()
+    robot.begin()
+    fleet.run(0.3)
+    assert robot.node.evaluate("(IN crew)").value == 0.0
+    assert rules(robot) == []
+    assert [(m.body["command"], m.body["outcome"]) for m in robot.answers] == [
+        (poll.id, "matched"),
+        (later.id, "fault"),
+    ]
+    assert robot.world.done == []
+    assert robot.node.bidding.endings == ()
 
 
 def test_stop_holds_over_a_death_and_built_in_rules_are_nobodys(tmp_path: Path) -> None:

@@ -191,7 +191,9 @@ def test_the_names_of_some_are_in_the_slots_of_all() -> None:
     [("(RULE a 1 :priority 2)", ":priority at 1:11"), ("(SETQ z (SUM-OVER (n 5m) 1))", "SUM-OVER at 1:10"),
      ("(SETQ z (OF 3 distance))", "OF at 1:10"), ("(FOR-NEIGHBOURS (n 5m) (MARK))", "FOR-NEIGHBOURS at 1:2"),
      ("(SETQ z (SCAN-MIN 0 1))", "SCAN-MIN at 1:10"), ("(WHEN (SCAN-GAP 0 1) (MARK))", "SCAN-GAP at 1:8"),
-     ("(WHEN (SEES 3 0 1) (MARK))", "SEES at 1:8")],
+     ("(WHEN (SEES 3 0 1) (MARK))", "SEES at 1:8"),
+     ("(BEST 4 x TRUE (MARK))", "BEST at 1:2"),
+     ("(QUORUM 1 2 TRUE (MARK))", "QUORUM at 1:2")],
 )  # fmt: skip
 def test_the_desk_refuses_a_new_form_while_a_robot_is_there_that_does_not_know_it(text: str, place: str) -> None:
     fleet = mixed()
@@ -219,7 +221,8 @@ def test_the_desk_refuses_a_new_form_while_a_robot_is_there_that_does_not_know_i
 
 
 @pytest.mark.parametrize(
-    "text", ["(RULE a 1)", "(DEFVAR :priority 1)", "(DEFVAR of 1)", "(PRINT sum-over)", "(DEFVAR sees 1)"]
+    "text",
+    ["(RULE a 1)", "(DEFVAR :priority 1)", "(DEFVAR of 1)", "(PRINT sum-over)", "(DEFVAR sees 1)", "(DEFVAR best 1)"],
 )
 def test_a_name_like_any_other_is_no_new_form(text: str) -> None:
     fleet = mixed()

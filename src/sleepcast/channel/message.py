@@ -7,9 +7,10 @@ A message is identified by its sender, the sender's epoch (its lives so far) and
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from enum import StrEnum
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import inf, isnan
 from typing import NamedTuple
 
@@ -28,6 +29,16 @@ MAX_NUMBER = 2**63 - 1
 def is_robot_name(name: str) -> bool:
     """Whether robots may be called this: it is short, can be printed, and is one word."""
     return 0 < len(name) <= MAX_NAME and name.isprintable() and " " not in name
+
+
+_NUMBERS = re.compile(r"(\d+)")
+
+
+@lru_cache(maxsize=4_096)
+def natural_order(name: str) -> tuple[tuple[int, str], ...]:
+    """A sort key by which r2 comes before r10; an account sorts the same names several times."""
+    parts = _NUMBERS.split(name)
+    return tuple([(int(part[:18]) if at % 2 else 0, part) for at, part in enumerate(parts)])
 
 
 class Kind(StrEnum):
@@ -227,6 +238,10 @@ OTHERS = "others"
 """In an answer: other robots that have its sender's name, each by its epoch, with the seconds since it was heard."""
 NAMES = "names"
 """In a DIGEST: the robots for which it speaks, with their epochs (`name_conflicts`)."""
+BID, GRANTS = "bid", "grants"
+"""In a REQUEST, which is for minds then: what a robot says of its bid, and a caller of its auction (`mind.auction`)."""
+OUTBID = "outbid"
+"""In an answer to a command that chooses among robots: who was chosen in the place of this one."""
 INTRODUCE = "introduce"
 """In an ASK: the robots addressed are to send a DIGEST with their names."""
 

@@ -7,9 +7,7 @@ names (`scout1` to `scout1000000`) are made on demand; stored, they would take m
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import lru_cache
 from typing import Protocol, overload
 
 import msgspec
@@ -323,13 +321,3 @@ class NameIndex(Sequence[str]):
 
     def __contains__(self, name: object) -> bool:
         return isinstance(name, str) and self.index_of(name) is not None
-
-
-_NUMBERS = re.compile(r"(\d+)")
-
-
-@lru_cache(maxsize=4_096)
-def natural_order(name: str) -> tuple[tuple[int, str], ...]:
-    """A sort key by which r2 comes before r10; an account sorts the same names several times."""
-    parts = _NUMBERS.split(name)
-    return tuple([(int(part[:18]) if at % 2 else 0, part) for at, part in enumerate(parts)])

@@ -32,7 +32,7 @@ from sleepcast.channel.baselines import is_base, message_of, missing_of, rebase
 from sleepcast.channel.clock_sync import MAX_TRIP, NONCE_BYTES, TimeRequest
 from sleepcast.channel.envelope import MAX_PARTS, Fragment, encode
 from sleepcast.channel.keys import MAY, KeyChange, KeyPair, KeyRefusal
-from sleepcast.channel.message import BASES, KEYS, ONLY, TIME, Kind, Message, Role, age_of, message_id
+from sleepcast.channel.message import BASES, BID, GRANTS, KEYS, ONLY, TIME, Kind, Message, Role, age_of, message_id
 from sleepcast.channel.repair_timer import RepairTimer
 from sleepcast.channel.sequencer import (
     MAX_STREAMS,
@@ -342,7 +342,7 @@ class ReliableDelivery:
             return []
         if message.kind is Kind.REQUEST:
             self._repair_requested(message, now)
-            return []
+            return [message] if BID in message.body or GRANTS in message.body else []
         if message.kind is Kind.ASK:
             self._conflicts.ask(message, now)
         if message.kind is not Kind.COMMAND or message.role == Role.ROBOT:

@@ -54,6 +54,7 @@ MAX_SPREAD = 60.0
 _MAX_ASKED = 256
 """Messages of which is remembered who sent them, and in which time they are to be answered. Beyond, one of the key that
 has the most gives way, as among the answers."""
+_UNANSWERED = TO_OPERATOR | {Kind.REQUEST}
 MAX_ANSWERED = 64
 """Answers that can be sent again, as many as a robot can explain."""
 _MAX_REPORTED = 8
@@ -180,7 +181,7 @@ class ChannelSession:
             if message.kind is Kind.ASK and AGAIN in message.body:
                 self._say_again(message)
                 continue
-            if message.kind not in TO_OPERATOR:  # nobody answers an answer
+            if message.kind not in _UNANSWERED:
                 self._asked.put(message.key, message.id, AnswerTerms(message.key, _within(message)))
             self._heard.append(message)
 

@@ -38,7 +38,8 @@ def as_dict(command: Command, account: Account) -> dict[str, object]:
     counts = _counted(names) | {"n_silent": account.n_silent}
     more = census(account) if command.kind == ASK else resting(account.rest) if account.rest is not None else {}
     conflicts = {"conflicts": dict(account.conflicts)} if account.conflicts else {}
-    return {**about, **counts, **faults, **conflicts, **more}
+    auction = {} if account.auction is None else {"auction": account.auction.to_dict()}
+    return {**about, **counts, **faults, **conflicts, **auction, **more}
 
 
 def resting(rest: RestAccount) -> dict[str, object]:
@@ -76,7 +77,7 @@ def stages_as_dict(text: str, stages: Sequence[tuple[Command, Account]]) -> dict
 
 
 def _counted(names: Mapping[str, Collection[str]]) -> dict[str, object]:
-    from sleepcast.channel.message_batch import natural_order
+    from sleepcast.channel.message import natural_order
 
     few = {outcome: robots for outcome, robots in names.items() if len(robots) <= MANY}
     listed: dict[str, object] = {outcome: sorted(robots, key=natural_order) for outcome, robots in few.items()}
@@ -123,6 +124,10 @@ def account_lines(command: Command, account: Account, vocabulary: Vocabulary | N
         yield f"  {account.rest.sentence(vocabulary, FEW)}"
     elif command.kind == "command":
         yield f"  {listed('noted outside it by' if leasing else 'did not match', account.not_matched)}"
+        if account.auction is not None:
+            yield f"  {printable(account.auction.sentence())}"
+            for name, by in [*account.auction.outbid().items()][:FEW]:
+                yield f"  outbid: {printable(name)} by {printable(', '.join(by))}"
         if account.n_unknown:
             yield f"  {listed('test unknown', account.unknown)}"
         if account.n_held:
@@ -173,6 +178,6 @@ def listed(what: str, names: Sequence[str], count: int | None = None) -> str:
 
 def _sorted(names: Sequence[str]) -> Sequence[str]:
     """Sorted by number, unless there are too many to read."""
-    from sleepcast.channel.message_batch import natural_order
+    from sleepcast.channel.message import natural_order
 
     return sorted(names, key=natural_order) if len(names) <= MANY else names

@@ -84,7 +84,7 @@ def roster(fleet: str, channel: str, expect: str | None, forget: str | None, as_
 
 def _expect(given: str, contacts: PeerCache, fleet_file: FleetFile) -> None:
     """Store which robots belong to the fleet. Raises ExpectationError, FleetFileLostError."""
-    from sleepcast.channel.message_batch import natural_order
+    from sleepcast.channel.message import natural_order
     from sleepcast.station.roster import Expectation, read_expectation
 
     if given == NONE:

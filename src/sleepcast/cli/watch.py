@@ -118,7 +118,7 @@ class Window:
 
     def robots(self) -> list[str]:
         """The names of those that are shown, numbers in their order."""
-        from sleepcast.channel.message_batch import natural_order
+        from sleepcast.channel.message import natural_order
 
         roster = self.station.roster
         # As a test of a command that does nothing, it is true where it would be obeyed.

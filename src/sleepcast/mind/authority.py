@@ -61,7 +61,7 @@ from sleepcast.core.errors import MisuseError, decimal_comma
 from sleepcast.core.quantities import QuantityError, in_si
 from sleepcast.core.units import TIME
 from sleepcast.language.functions import PRIORITY
-from sleepcast.language.parts import label_of, ranked, rules, walk
+from sleepcast.language.parts import auction_of, label_of, ranked, rules, walk
 from sleepcast.language.program import Program
 
 MAX_LEASE = 3_600.0
@@ -302,6 +302,7 @@ class Tells(StrEnum):
 
 
 NO_TOLD_PRIORITY = f"no TELL gives a rule a {PRIORITY}: only a commander can"
+NO_TOLD_AUCTION = "BEST and QUORUM are sent once, by a desk: nobody else collects bids"
 NO_TELLS = "this robot obeys no TELL (--tells none)"
 """Why it does nothing of what another robot tells."""
 NO_MOTION = "a TELL does not act on the body of this robot (--tells marks)"
@@ -373,6 +374,8 @@ def objection(message: Message, program: Program, tells: Tells) -> str:
         return NO_TELLS
     if _is_told(message) and _ranks(program):
         return NO_TOLD_PRIORITY
+    if (message.standing or _is_told(message)) and auction_of(program.root) is not None:
+        return NO_TOLD_AUCTION
     if message.kind is not Kind.COMMAND or message.role in ("", Role.COMMANDER) or not rules(program.root):
         return ""
     return f"only a commander's key may change rules, and that of {message.sender} is of role {message.role}"

@@ -55,6 +55,7 @@ class MindState(msgspec.Struct, frozen=True):
     ticks: for how many the present rules have run without a fault, None if one has failed.
     authority: see `Authority.state`.
     doubt: see `Node`.
+    endings: texts that end what it is a member of by BEST or QUORUM, which a restart ends.
     """
 
     stopped: bool
@@ -69,6 +70,7 @@ class MindState(msgspec.Struct, frozen=True):
     ticks: int | None
     merging: MergingState = MergingState()
     doubt: str = ""
+    endings: tuple[str, ...] = ()
 
 
 # ---- all robots, in a snapshot

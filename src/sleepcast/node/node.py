@@ -9,7 +9,8 @@ they are received.
 from __future__ import annotations
 
 from collections import OrderedDict, deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from math import inf, isnan, nan
 
@@ -35,7 +36,7 @@ from sleepcast.core.model import RestState
 from sleepcast.language.explain import Explanation, Recollection, explain, foretell, rehearse
 from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.lint import Checked, check, unit_of_program
-from sleepcast.language.parts import Part
+from sleepcast.language.parts import Part, auction_of
 from sleepcast.language.program import Program, decide, evaluate
 from sleepcast.language.reader import read, show
 from sleepcast.language.rehearsal import Answer
@@ -71,9 +72,10 @@ from sleepcast.mind.limits import (
     TELLS_TOO_OFTEN,
 )
 from sleepcast.mind.merging import enqueue, place_of
-from sleepcast.mind.rules import in_order
+from sleepcast.mind.rules import Rule, in_order
 from sleepcast.mind.telemetry import Motion, motion_of
 from sleepcast.mind.views import Result, RuleView
+from sleepcast.node.bidding import Bidding, EvaluatedCommand
 from sleepcast.node.linking import VariableTable
 from sleepcast.node.memory import OutputPort, RobotMemory
 from sleepcast.node.scheduler import RuleRecord, Scheduler
@@ -149,6 +151,7 @@ class Node:
         self._driving, self._lease = Driving(), lease
         self._speaks_for = ""
         """The operator for whom the message is evaluated that is evaluated now, "" for none."""
+        self.bidding = Bidding()
         self._scheduler = Scheduler(self._memory.records, self._run_rule)
         self._queue: deque[Message] = deque()
         self._seen: OrderedDict[str, None] = OrderedDict()
@@ -193,8 +196,8 @@ class Node:
 
     @property
     def awake(self) -> bool:
-        """Whether the next tick has anything to do: a message, active rules, or a driven body."""
-        return bool(self._queue) or bool(self._memory.records.running) or self.driven
+        """Whether the next tick has anything to do: a message, a bid, active rules, or a driven body."""
+        return bool(self._queue) or bool(self._memory.records.running) or self.driven or self.bidding.is_busy
 
     @property
     def driven(self) -> bool:
@@ -266,9 +269,12 @@ class Node:
         if len(self._seen) > MAX_SEEN:
             self._seen.popitem(last=False)
         if message.ahead and message.kind is not Kind.STOP:
-            if is_addressed(message.body, self.name):
+            if is_addressed(message.body, self.name) and message.kind is not Kind.REQUEST:
                 outcome, fault = outcome_of_untimely(message)
-                self._answer(message, outcome, fault=fault)
+                self.answer(message, outcome, fault=fault)
+            return
+        if message.kind is Kind.REQUEST:  # which is no sign that somebody drives
+            self.bidding.hear(message)
             return
         self._driving = self._driving.hear(message)
         if message.kind is Kind.STOP:
@@ -320,6 +326,8 @@ class Node:
         for rule in memory.records.expire(now):
             self._report(f"lease of {rule.name} ended", ())
         self._obey_waiting(now)
+        if self.bidding.is_busy:
+            self.bidding.tick(self, now)
         if memory.records.running and not (memory.values[SLEEPING] > 0 or memory.values[FROZEN] > 0):
             memory.moved = False
             self._scheduler.round()
@@ -416,8 +424,9 @@ class Node:
 
     def _stop(self, message: Message) -> None:
         if not self.authority.may_stop(message, self._now):
-            self._answer(message, "fault", fault=ENDED)
+            self.answer(message, "fault", fault=ENDED)
             return
+        self.bidding.stop()
         fault = ""
         try:
             self.halt()
@@ -426,21 +435,21 @@ class Node:
         # Every robot that receives STOP stops; robots that it is not addressed to need not report it again.
         if is_addressed(message.body, self.name):
             motion = self._motion()
-            self._answer(message, "stopped", fault=fault, details={} if motion is None else {MOTION: [*motion]})
+            self.answer(message, "stopped", fault=fault, details={} if motion is None else {MOTION: [*motion]})
 
     def _release(self, message: Message) -> None:
         if refusal := outlasts(self.doubt, message):
-            self._answer(message, "fault", fault=refusal)
+            self.answer(message, "fault", fault=refusal)
             return
         if not self.authority.may_release(message):
-            self._answer(message, "fault", fault=self.authority.latch.refusal())
+            self.answer(message, "fault", fault=self.authority.latch.refusal())
             return
         self.stopped = self._memory.held = False
         self.doubt = ""
         self._memory.variables.release()
         if isinstance(self.body, Robot):
             self.body.release()
-        self._answer(message, "released")
+        self.answer(message, "released")
 
     def _let_go(self) -> None:
         """The operator who drove the body is gone: bring it to rest; nothing resumes on its own."""
@@ -515,49 +524,57 @@ class Node:
 
     def _obey(self, message: Message, now: float) -> None:
         if now > message.deadline:
-            self._answer(message, "late")
+            self.answer(message, "late")
             return
         memory = self._memory
         if message.kind is Kind.ASK and LOOK in message.body:
             stops = self.authority.stops(now)
             state = BodyState(self.stopped, self.driven, self.doubt, self.catching_up, stops, self._motion())
-            self._answer(message, "answer", details=answer_inspection(message.body, memory.itself, state, self.why))
+            self.answer(message, "answer", details=answer_inspection(message.body, memory.itself, state, self.why))
             return
         if message.kind is Kind.COMMAND and LEASE in message.body:
             group, refusal = self.authority.lease(message, now)
             granted = "matched" if group in self.groups else "not matched"
-            self._answer(message, "fault" if refusal else granted, fault=refusal)
+            self.answer(message, "fault" if refusal else granted, fault=refusal)
             return
         if message.kind is Kind.COMMAND and KEYS in message.body:
             outcome, fault = outcome_of_keys(message, self.keys_last)
-            self._answer(message, outcome, fault=fault)
+            self.answer(message, outcome, fault=fault)
             return
         try:
             asked = message.kind is Kind.ASK
             program = memory.library.program(message.text, lambda: [read(message.text)], memory.base, asked=asked)
         except SleepcastError as error:
-            self._answer(message, "fault", fault=str(error).splitlines()[0])
+            self.answer(message, "fault", fault=str(error).splitlines()[0])
             return
         objection = self.authority.objection(message, program, self.groups, now)
         if objection:
-            self._answer(message, "fault", fault=objection)
+            self.answer(message, "fault", fault=objection)
             return
         if message.kind is Kind.ASK:
             rehearsal = memory.rehearsal()
             answer = foretell(program, rehearsal)
             details = foretold(message, answer, undecided=rehearsal.undecided)
-            self._answer(message, "answer", answer.value, "; ".join(answer.faults), details)
+            self.answer(message, "answer", answer.value, "; ".join(answer.faults), details)
             return
+        if (auction := auction_of(program.root)) is not None:
+            self.bidding.poll(self, message, auction, now)
+            return
+        outcome, value, fault = self._judge(program, message, now)
+        self.answer(message, outcome, value, fault)
+
+    def _judge(self, program: Program, message: Message, now: float) -> EvaluatedCommand:
+        """Evaluate a command, or what stands for it."""
+        memory = self._memory
         answered = HOPS not in message.body  # nobody counts what becomes of what robots tell each other
         value = self._evaluate(program, message, answered=answered)
         if memory.moved:
             self._driving = self._driving.move(message, now)
         if memory.faults:
-            self._answer(message, "fault", value, str(memory.faults[0]))
-        elif memory.matched:
-            self._answer(message, HELD if answered and memory.moved and self.stopped else "matched", value)
-        else:
-            self._answer(message, UNKNOWN if answered and memory.undecided else "not matched", value)
+            return EvaluatedCommand("fault", value, str(memory.faults[0]))
+        if memory.matched:
+            return EvaluatedCommand(HELD if answered and memory.moved and self.stopped else "matched", value, "")
+        return EvaluatedCommand(UNKNOWN if answered and memory.undecided else "not matched", value, "")
 
     def _evaluate(self, program: Program, message: Message, *, answered: bool) -> float:
         """Evaluate a command for whom it comes from."""
@@ -570,9 +587,43 @@ class Node:
         memory.base.merging.begin(None)
         return value
 
+    # ---- for its bids, see `bidding`
+
+    @property
+    def rules_by_key(self) -> Mapping[str, Rule]:
+        return self._memory.base.rules
+
+    @property
+    def is_held_still(self) -> bool:
+        return self.stopped or self.catching_up
+
+    def _program(self, text: str) -> Program:
+        memory = self._memory
+        return memory.library.program(text, lambda: [read(text)], memory.base)
+
+    def objection(self, message: Message, text: str, now: float) -> str:
+        try:
+            return self.authority.objection(message, self._program(text), self.groups, now)
+        except SleepcastError as error:
+            return str(error).splitlines()[0]
+
+    def outcome_of(self, message: Message, text: str, now: float) -> EvaluatedCommand:
+        try:
+            return self._judge(self._program(text), message, now)
+        except SleepcastError as error:
+            return EvaluatedCommand("fault", nan, str(error).splitlines()[0])
+
+    def end(self, text: str) -> None:
+        self._memory.faults = []
+        with suppress(SleepcastError):  # it means nothing any more
+            evaluate(self._program(text), self._memory)
+
+    def say_bid(self, body: dict[str, object]) -> None:
+        self._say(Kind.REQUEST, body=body)
+
     def interrupted(self, message: Message) -> None:
         """Answer a message whose evaluation began before a restart: it is not repeated."""
-        self._answer(message, "fault", fault="interrupted: the robot was restarted while it did this")
+        self.answer(message, "fault", fault="interrupted: the robot was restarted while it did this")
 
     # ---- output
 
@@ -585,7 +636,7 @@ class Node:
             Message(self.name, self.epoch, self._sequence, kind, self._now, deadline, text, False, body or {})
         )
 
-    def _answer(
+    def answer(
         self, message: Message, outcome: str, value: float = nan, fault: str = "", details: Details = NOTHING
     ) -> None:
         self._say(Kind.ANSWER, body={**answer_body(message.id, outcome, value, fault), **details})

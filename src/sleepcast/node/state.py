@@ -48,6 +48,7 @@ def mind_of(node: Node) -> MindState:
         None if failed else min(memory.tick - memory.unproven_since, PROVEN_TICKS),
         memory.base.merging.state(),
         node.doubt,
+        node.bidding.endings,
     )
 
 
@@ -62,6 +63,7 @@ def fingerprint(node: Node) -> tuple[object, ...]:
         *(
             node.stopped,
             node.doubt,
+            node.bidding.endings,
             repr(node.authority.state(0.0)),
             proven,
             memory.records.version,
@@ -80,6 +82,7 @@ def restore(state: MindState, node: Node, away: float) -> list[str]:
     try:
         lost = _put_back(state, node.memory, away)
         node.authority.restore(state.authority, node.memory.time - away)
+        node.bidding.restore(state.endings)
     except UNFIT as error:
         raise SerialError(f"no mind can be made of this: {type(error).__name__}: {error}") from None
     return lost + stand(node, state.doubt) if state.stopped else lost

@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind
-from sleepcast.channel.message import NOT_STORED
-from sleepcast.channel.message_batch import natural_order
+from sleepcast.channel.message import NOT_STORED, natural_order
 from sleepcast.core.ages import ago
 from sleepcast.core.angles import mean_direction, quantile
 from sleepcast.core.errors import and_more, printable
 from sleepcast.core.units import value_in_words
 from sleepcast.language import Checked
+from sleepcast.mind.auction import AuctionStatus
 from sleepcast.station.rest import RestAccount
 from sleepcast.station.roster import Index, Seconds, of_robots
 from sleepcast.station.sent import (
@@ -79,6 +79,7 @@ class Account(msgspec.Struct, frozen=True, eq=False, dict=True):
     addressed: so many of them, from the first on, count as silent
     heard: when each was last heard (s of the desk's clock, -inf: never)
     only, size, conflicts: see `Command`
+    auction: how that of a command stands which chooses among robots
     unit, angles: of what was asked for: in which people read it, and whether it is an angle
     """
 
@@ -93,6 +94,7 @@ class Account(msgspec.Struct, frozen=True, eq=False, dict=True):
     size: int = 0
     rest: RestAccount | None = None
     conflicts: Mapping[str, str] = {}
+    auction: AuctionStatus | None = None
     unit: str = ""
     angles: bool = False
 
@@ -259,7 +261,8 @@ class Account(msgspec.Struct, frozen=True, eq=False, dict=True):
         counts = (
             f"matched {self.n_matched}{held}, did not match {self.n_not_matched}{unknown}{lost}, fault {self.n_fault}"
         )
-        return f"{counts}, {self.silence()}"
+        chosen = "" if self.auction is None else f"; {printable(self.auction.sentence())}"
+        return f"{counts}, {self.silence()}{chosen}"
 
     def silence(self, most: int = SHOWN) -> str:
         """How many said nothing, among whom, and who: `silent 1 of 1,000 robots: r12 (last heard 8 s ago)`."""
@@ -280,6 +283,7 @@ class Account(msgspec.Struct, frozen=True, eq=False, dict=True):
     def to_dict(self) -> dict[str, object]:
         """The counts, as the command line prints them."""
         counts = {"text": self.text} | {sort: getattr(self, f"n_{sort}") for sort in COUNTED}
+        counts |= {} if self.auction is None else {"auction": self.auction.to_dict()}
         return counts if self.rest is None else counts | rest_counts(self.rest)
 
     def ago(self, name: str) -> str:
@@ -299,7 +303,8 @@ def account(command: Command, now: float, heard: Seconds, asked: Checked | None 
     answers = command.answers
     codes = answers.codes.copy()
     rest = command.resting if command.kind is Kind.STOP else None
-    about = command.only, command.size, rest, dict(command.conflicts)
+    auction = None if command.auctioneer is None else command.auctioneer.status()
+    about = command.only, command.size, rest, dict(command.conflicts), auction
     quantity = ("", False) if asked is None else (asked.unit, asked.is_angle)
     return Account(command.id, command.text, now, codes, command.addressed, heard.copy(), answers, *about, *quantity)
 

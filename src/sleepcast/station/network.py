@@ -47,11 +47,12 @@ from sleepcast.columns.values import Mask
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
 from sleepcast.language import Checked
-from sleepcast.language.parts import rules
+from sleepcast.language.parts import auction_of, rules
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.mind.authority import FORGOTTEN, MAX_MARKS, Life, StopMark, mark_of, marks_and_ages
 from sleepcast.station.account import COUNTED, account
+from sleepcast.station.auctions import DeskAuctions
 from sleepcast.station.journal.journal import CONFLICT, Journal, JournalEvent
 from sleepcast.station.leases import lease_body, validate_holder
 from sleepcast.station.prepared import Draft, Prepared, Terms
@@ -156,6 +157,8 @@ class NetworkStation(Station):
     Its owner calls `pump` or `wait`; nothing happens otherwise.
     """
 
+    collects_bids = True
+
     def __init__(
         self,
         session: ChannelSession,
@@ -205,6 +208,7 @@ class NetworkStation(Station):
         self.conflicts = delivery.admission.conflicts
         """Names that several robots have."""
         self._shared = ContestedNames(self.conflicts, self._sent, self._roster)
+        self._auctions = DeskAuctions(delivery)
         self._stops = FairTable[Life, KnownStop, str](MAX_STOPS)
         """The latest STOP that is known of each other sender."""
         for name, time in (heard or {}).items():
@@ -339,8 +343,17 @@ class NetworkStation(Station):
                 decided[place] = code
         return decided
 
+    def commit(self, prepared: Prepared, *, count: int | None = None, confirmed: bool = False) -> Command:
+        """As every station; a command that chooses among robots is the poll of an auction."""
+        command = super().commit(prepared, count=count, confirmed=confirmed)
+        if (auction := auction_of(prepared.draft.program.root)) is not None:
+            with self._lock:
+                self._auctions.begin(command, auction)
+        return command
+
     def stop(self) -> Command:
         """As every station: it leaves at once."""
+        self._auctions.end()
         self._drivers.clear()
         return super().stop()
 
@@ -441,6 +454,8 @@ class NetworkStation(Station):
                         self._learn_stops(known)
                     if TOOK in known.body:
                         self._learn_time(known)
+                elif message.kind is Kind.REQUEST:
+                    self._auctions.hear(message, began)
                 elif message.role != Role.ROBOT or message.kind is Kind.STOP:
                     self._overhear(message)
         self.listened = began
@@ -496,12 +511,15 @@ class NetworkStation(Station):
 
     def answered(self, command: Command) -> float:
         """When the time for answers to a command is over, s of Unix time."""
+        if command.auctioneer is not None:
+            return command.message.deadline
         return command.message.issued + self._within(max(command.size, command.addressed))
 
     def due(self) -> float:
         """When there is something to be sent again, or a heartbeat, s of Unix time."""
         beat = self._beat + LEASE / 3.0 if self.holding and self._drives() else inf
-        return min(beat, self._retransmission.due(), self._rest_watch.due)
+        auctions = self._auctions.due(self._clock.now())
+        return min(beat, auctions, self._retransmission.due(), self._rest_watch.due)
 
     def conclude(self) -> None:
         """Write the results of all commands into the journal, before the desk leaves the air."""
@@ -571,6 +589,7 @@ class NetworkStation(Station):
         if message.kind is Kind.COMMAND and message.text:
             self.commanded.note(self.now, self._named(message))
         if message.kind is Kind.STOP:
+            self._auctions.end()
             self._drivers.clear()
             self._note_stop(KnownStop(mark_of(message), self.now), message.key)
         self._retransmission.overtaken(message)
@@ -622,6 +641,7 @@ class NetworkStation(Station):
             now = self._clock.now()
             self._attend_names(now)
             self._retransmission.attend(now)
+            self._auctions.attend(now)
             self._watch_rest(now)
             if self.holding and self._drives() and now - self._beat >= LEASE / 3.0:
                 self._beat = now
@@ -648,6 +668,7 @@ class NetworkStation(Station):
             silent = RobotNames(self._roster.names, np.flatnonzero(command.silent))
             details = {f"n_{sort}": getattr(counted, f"n_{sort}") for sort in COUNTED} | {"silent": silent}
             details |= {"n_not_stored": counted.n_not_stored} if counted.n_not_stored else {}
+            details |= {} if counted.auction is None else counted.auction.to_dict()
             self._note(JournalEvent.ACCOUNTED, subject=command.id, text=command.text, details=details)
 
     def _drives(self) -> bool:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.language import Checked
-from sleepcast.language.parts import irreversible, walk
+from sleepcast.language.parts import auction_of, irreversible, walk
 from sleepcast.language.program import Program
 from sleepcast.language.symbols import Declared
 from sleepcast.language.vocabulary import Vocabulary
@@ -159,7 +159,9 @@ class Prepared(msgspec.Struct, frozen=True, eq=False, dict=True):
     @property
     def may(self) -> int:
         """How many may obey: the number that its sender may have to say."""
-        return int(np.count_nonzero((self.codes == YES) | (self.codes == UNKNOWN))) + self.nameless
+        may = int(np.count_nonzero((self.codes == YES) | (self.codes == UNKNOWN))) + self.nameless
+        auction = auction_of(self.draft.program.root)
+        return may if auction is None else min(may, auction.most)
 
     def despite_names(self) -> Prepared:
         """The same, whose sender insists on names that no robot has."""
@@ -194,7 +196,7 @@ def _refuse_unknown_test(program: Program, codes: NDArray[np.uint8]) -> None:
 
 def validate_address(program: Program, everybody: bool, roster: int) -> None:
     """A command to all robots must be confirmed. Raises NotConfirmedError."""
-    if everybody or not is_for_everybody(program):
+    if everybody or not is_for_everybody(program) or auction_of(program.root) is not None:
         return
     which = "has no test" if program.test is None else "has a test that is always true"
     raise NotConfirmedError(
@@ -227,8 +229,11 @@ def _for_good(program: Program) -> str:
     return f"no robot has told of a function {strange}, which perhaps cannot be undone" if strange else ""
 
 
-def validate_type(program: Program, standing: bool, deadline: float | None) -> float:
-    """The seconds for which a command is good. Raises CommandTypeError."""
+def validate_type(program: Program, standing: bool, deadline: float | None, *, auctions: bool = False) -> float:
+    """The seconds for which a command is good. auctions: whether somebody collects bids. Raises CommandTypeError."""
+    auction = auction_of(program.root)
+    if auction is not None and not auctions:
+        raise CommandTypeError(f"{auction.name} is for robots on the air (sleepcast swarm): here nobody collects bids")
     if not standing:
         seconds = DEADLINE if deadline is None else deadline
         if not 0.0 < seconds <= MAX_DEADLINE:
@@ -236,6 +241,8 @@ def validate_type(program: Program, standing: bool, deadline: float | None) -> f
                 f"a deadline lies more than 0 and at most {MAX_DEADLINE:g} s ahead, not {seconds:g} s"
             )
         return seconds
+    if auction is not None:
+        raise CommandTypeError(f"{auction.name} cannot be standing: who is chosen is a matter of the moment")
     if deadline is not None:
         raise CommandTypeError("a standing command has no deadline: it is sent until every robot has it")
     joins = any(part.op == "act" and part.name == "join" for part in walk(program.root))

@@ -24,8 +24,7 @@ from typing import NamedTuple, Protocol
 
 import msgspec
 
-from sleepcast.channel.message import LOOK, OF, TELEMETRY, Inspection, Kind, Message
-from sleepcast.channel.message_batch import natural_order
+from sleepcast.channel.message import LOOK, OF, TELEMETRY, Inspection, Kind, Message, natural_order
 from sleepcast.channel.name_conflicts import NameConflicts
 from sleepcast.columns.telemetry import KnownSymbols, Undecided
 from sleepcast.core.backoff import Backoff

@@ -16,8 +16,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.message import MOTION, TELEMETRY, Message
-from sleepcast.channel.message_batch import NameIndex, natural_order
+from sleepcast.channel.message import MOTION, TELEMETRY, Message, natural_order
+from sleepcast.channel.message_batch import NameIndex
 from sleepcast.core.errors import and_more, printable
 from sleepcast.core.model import RestState
 from sleepcast.core.serial import Array, SerialError

@@ -21,6 +21,7 @@ from sleepcast.channel.message_batch import AnswerColumns as Said
 from sleepcast.channel.message_batch import NameIndex, ascending
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.serial import Array, SerialError, within
+from sleepcast.mind.auction import Auctioneer
 from sleepcast.mind.authority import StopMark, is_ended_by, mark_of
 from sleepcast.station.leases import in_words
 from sleepcast.station.rest import RestAccount, RestStates
@@ -278,6 +279,8 @@ class Command:
         self.expected: Index = np.empty(0, np.intp) if expected is None else expected
         self.answers = Answers(names)
         self.conflicts: dict[str, str] = {}
+        self.auctioneer: Auctioneer | None = None
+        """Of a command that chooses among robots: who collects the bids."""
         self.ended_by = ""
         """Of a STOP or RELEASE: the other operator whose later message to the contrary has ended it, "" if none has."""
 

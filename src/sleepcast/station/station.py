@@ -86,7 +86,10 @@ class Station:
     changed. Minds that answer for many tell by `observe_many`, others by `observe`. outbox: takes what is sent.
     operator, epoch: who sends, and which life of that sender this is. policy: what it refuses, or asks about, beyond
     what every desk does. heartbeat: s between two signs that the operator is there, inf for none; see `hold`.
+    collects_bids: whether it chooses among robots, as BEST and QUORUM want.
     """
+
+    collects_bids = False
 
     def __init__(
         self,
@@ -257,7 +260,7 @@ class Station:
         if self.policy.strict and checked.findings:
             raise CheckError(checked.findings, text, checked.more)
         validate_address(program, terms.everybody or terms.audience.named, self._size)
-        seconds = validate_type(program, terms.standing, terms.deadline)
+        seconds = validate_type(program, terms.standing, terms.deadline, auctions=self.collects_bids)
         terms.audience.body()  # raises AudienceError
         names = self._names(checked, terms.audience)
         return Draft(checked, program, terms, seconds, self.vocabulary, self._meanings(program), names)
@@ -343,15 +346,8 @@ class Station:
         """
         ready = self.accept(prepared, count=count, confirmed=confirmed)
         draft = ready.draft
-        return self._broadcast(
-            Kind.COMMAND,
-            draft.text,
-            draft.terms.standing,
-            draft.seconds,
-            ready.expected,
-            ready.places,
-            draft.terms.audience.body(),
-        )
+        whom = ready.expected, ready.places, draft.terms.audience.body()
+        return self._broadcast(Kind.COMMAND, draft.text, draft.terms.standing, draft.seconds, *whom)
 
     def send(
         self,

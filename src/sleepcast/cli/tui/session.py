@@ -12,7 +12,7 @@ from math import inf
 from typing import TYPE_CHECKING
 
 from sleepcast.channel import Kind
-from sleepcast.channel.message_batch import natural_order
+from sleepcast.channel.message import natural_order
 from sleepcast.cli.account import FEW
 from sleepcast.cli.streams import still_open
 from sleepcast.cli.tui.commands import (

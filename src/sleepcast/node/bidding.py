@@ -1,0 +1,189 @@
+"""A robot's bids: commands with BEST or QUORUM that it has heard, from the poll until it is out (`mind.auction`).
+
+Its node evaluates: the test and the cost for the bid, the test and the command once the bid is granted. What a member
+has joined and which rules it got by the command end with its lease, also if the robot was restarted meanwhile.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Collection, Mapping
+from math import isnan
+from typing import NamedTuple, Protocol
+
+from sleepcast.channel.message import OUTBID, UNKNOWN, WITHIN, Message
+from sleepcast.language.parts import Auction
+from sleepcast.mind.auction import Bid, BidPhase, GrantMessage
+from sleepcast.mind.rules import Rule
+
+MAX_BIDS = 16
+"""Auctions in which a robot takes part at once."""
+MAX_OF_ONE = 8
+"""The same of one caller, so that nobody has all of them."""
+MAX_GRANTS = 64
+"""Messages of callers that wait for the next tick; of more, the oldest go, since each is said again."""
+TOO_MANY = f"it bids for {MAX_BIDS} commands at once, {MAX_OF_ONE} of one sender: no more"
+STOPPED = "STOP has ended its bid"
+HELD_STILL = "it is held still, so it does not bid"
+
+
+class EvaluatedCommand(NamedTuple):
+    """What came of an evaluation: the word for it, the value, and the fault, "" for none."""
+
+    word: str
+    value: float
+    fault: str
+
+
+class Evaluating(Protocol):
+    """A node, as its bids need it."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def groups(self) -> frozenset[str]: ...
+    @property
+    def rules_by_key(self) -> Mapping[str, Rule]: ...
+    @property
+    def is_held_still(self) -> bool:
+        """Whether it is stopped, or catches up: nobody is to count on it."""
+
+    def objection(self, message: Message, text: str, now: float) -> str:
+        """Why this text of a message is not to be evaluated now, "" if it may be."""
+
+    def outcome_of(self, message: Message, text: str, now: float) -> EvaluatedCommand:
+        """Evaluate a text in the place of that of the message."""
+
+    def end(self, text: str) -> None:
+        """Evaluate a text of the robot's own."""
+
+    def answer(self, message: Message, word: str, value: float, fault: str, details: Mapping[str, object]) -> None: ...
+
+    def say_bid(self, body: dict[str, object]) -> None: ...
+
+
+class OpenBid:
+    """A bid, the poll that it is for, and the texts that end what the command has made of its member."""
+
+    def __init__(self, poll: Message, bid: Bid) -> None:
+        self.poll, self.bid = poll, bid
+        self.answered = False
+        self.endings: tuple[str, ...] = ()
+
+
+class Bidding:
+    """All bids of one robot."""
+
+    def __init__(self) -> None:
+        self._open: list[OpenBid] = []
+        self._grants: deque[Message] = deque(maxlen=MAX_GRANTS)
+        self._left_over: tuple[str, ...] = ()
+        """Endings of a life before this one."""
+        self._stopped = False
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether the next tick has something to do."""
+        return bool(self._open) or bool(self._left_over)
+
+    @property
+    def endings(self) -> tuple[str, ...]:
+        """The texts that end what it is a member by, for its store."""
+        return (*self._left_over, *(text for each in self._open for text in each.endings))
+
+    def restore(self, endings: tuple[str, ...]) -> None:
+        """The robot was a member when its life before this one ended: that ends now."""
+        self._left_over = endings
+
+    def hear(self, message: Message) -> None:
+        """Keep what a caller says for the next tick."""
+        if self._open:
+            self._grants.append(message)
+
+    def stop(self) -> None:
+        """STOP: every bid and membership is over, and none comes back."""
+        self._stopped = bool(self._open)
+        for each in self._open:
+            each.bid.leave()
+
+    def poll(self, robot: Evaluating, message: Message, auction: Auction, now: float) -> None:
+        """Bid once for a command, or answer why not."""
+        of_one = sum(each.poll.sender == message.sender for each in self._open)
+        if robot.is_held_still or of_one >= MAX_OF_ONE or len(self._open) >= MAX_BIDS:
+            robot.answer(message, "fault", float("nan"), HELD_STILL if robot.is_held_still else TOO_MANY, {})
+            return
+        word, cost, fault = robot.outcome_of(message, auction.bid, now)
+        if word == "matched" and isnan(cost):
+            word = UNKNOWN
+        if word != "matched":
+            robot.answer(message, word, cost, fault, {})
+            return
+        within, poll = message.body.get(WITHIN), (message.sender, message.epoch, message.sequence)
+        spread = within if isinstance(within, float) and within > 0.0 else 0.0
+        self._open.append(OpenBid(message, Bid(auction, poll, robot.name, cost, now, message.deadline, spread)))
+
+    def tick(self, robot: Evaluating, now: float) -> None:
+        """Do what the callers have said, leave what is over, and say how the robot stands."""
+        for text in self._left_over:
+            robot.end(text)
+        self._left_over = ()
+        while self._grants:
+            message = self._grants.popleft()
+            grants = GrantMessage.of(message.body)
+            for each in self._open if grants is not None else ():
+                if grants is not None and _is_of(message, each.poll) and each.bid.hear(grants, message.sequence, now):
+                    self._obey(robot, each, now)
+        for each in tuple(self._open):
+            each.bid.tick(now)
+            if each.bid.phase is BidPhase.OUT:
+                self._part(robot, each)
+            if (said := each.bid.say(now)) is not None:
+                robot.say_bid(said.body())
+            if each.bid.is_over:
+                self._open.remove(each)
+        self._stopped = False
+
+    def _obey(self, robot: Evaluating, each: OpenBid, now: float) -> None:
+        """The bid is granted: obey, if the test still holds."""
+        auction, poll, before = each.bid.auction, each.poll, robot.groups
+        fault = HELD_STILL if robot.is_held_still else robot.objection(poll, auction.command, now)
+        word, value, fault = (
+            EvaluatedCommand("fault", float("nan"), fault) if fault else robot.outcome_of(poll, auction.command, now)
+        )
+        each.endings = _endings(auction, before, robot.groups, robot.rules_by_key)
+        each.answered = True
+        each.bid.settle(word == "matched")
+        robot.answer(poll, word, value, fault, {})
+
+    def _part(self, robot: Evaluating, each: OpenBid) -> None:
+        """The robot is out: end what the command has made of it, or answer that it was not chosen."""
+        texts = dict(each.bid.auction.rules)
+        for text in each.endings:
+            key = text[len(_FORGET) : -1] if text.startswith(_FORGET) else ""
+            rule = robot.rules_by_key.get(key)
+            if not key or (rule is not None and rule.text == texts.get(key)):  # a later command may have changed it
+                robot.end(text)
+        each.endings = ()
+        if not each.answered:
+            each.answered = True
+            if self._stopped:
+                robot.answer(each.poll, "fault", float("nan"), STOPPED, {})
+            else:
+                robot.answer(each.poll, "not matched", float("nan"), "", {OUTBID: list(each.bid.outbid)})
+
+
+def _is_of(message: Message, poll: Message) -> bool:
+    """Whether the caller of this poll says this."""
+    return (message.sender, message.epoch, message.key, message.role) == (poll.sender, poll.epoch, poll.key, poll.role)
+
+
+_LEAVE, _FORGET = "(LEAVE ", "(FORGET "
+
+
+def _endings(
+    auction: Auction, before: Collection[str], groups: Collection[str], rules: Mapping[str, Rule]
+) -> tuple[str, ...]:
+    """The texts that end what a member has got by a command."""
+    joined = (f"{_LEAVE}{key})" for key in auction.joins if key in groups and key not in before)
+    made = (f"{_FORGET}{key})" for key, text in auction.rules if key in rules and rules[key].text == text)
+    return (*joined, *made)

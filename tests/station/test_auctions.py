@@ -1,0 +1,292 @@
+"""BEST and QUORUM between real desks and real minds, on a radio that loses, repeats and delays."""
+
+from __future__ import annotations
+
+import pytest
+
+from safety.scene import VOCABULARY, Scene
+from sleepcast.channel import Kind, Message
+from sleepcast.channel.message import HOPS
+from sleepcast.language import CheckError
+from sleepcast.mind.auction import AuctionStatus
+from sleepcast.node.node import Node
+from sleepcast.station.account import Account
+from sleepcast.station.network import NetworkStation, RoleError
+from sleepcast.station.prepared import Terms
+from sleepcast.station.sent import Command
+from sleepcast.station.validation import CommandTypeError
+from station.far import Far
+
+LEASE = 4.0
+BEST = "(BEST 4 (ABS (- x 3.2)) TRUE (JOIN red))"
+
+
+def status_of(desk: NetworkStation, sent: Command) -> AuctionStatus:
+    status = desk.accounting(sent.id).auction
+    assert status is not None
+    return status
+
+
+def members(scene: Scene, group: str = "red") -> list[str]:
+    return [name for name, robot in scene.fleet.items() if robot.on and group in robot.node.groups]
+
+
+def ended(scene: Scene, desk: NetworkStation, text: str, seconds: float = 3.0) -> tuple[Command, Account]:
+    """What became of a text, some seconds after it was sent."""
+    sent = desk.send(text, confirmed=True)
+    scene.run(seconds)
+    return sent, desk.accounting(sent.id)
+
+
+def test_the_four_robots_of_the_least_cost_obey_and_the_account_says_who_did_not_and_why() -> None:
+    scene = Scene(robots=8)
+    desk = scene.desk()
+    sent, account = ended(scene, desk, "(BEST 4 (IF (= id 7) UNKNOWN (ABS (- x 3.2))) (> id 0) (JOIN red))")
+    assert members(scene) == ["r2", "r3", "r4", "r5"]
+    assert set(account.matched) == {"r2", "r3", "r4", "r5"}
+    assert set(account.not_matched) == {"r0", "r1", "r6"}
+    assert (account.unknown, account.fault, account.n_silent) == (("r7",), (), 0)
+    status = status_of(desk, sent)
+    assert status.chosen == ("r3", "r4", "r2", "r5")
+    assert status.bids["r1"] == pytest.approx(2.2)
+    assert "r0" not in status.bids
+    chosen = ("r3", "r4", "r2", "r5")
+    assert status.outbid() == {"r1": chosen, "r6": chosen}
+    assert "6 bids; chosen r3 (0.2), r4 (0.8), r2 (1.2), r5 (1.8)" in account.sentence()
+    assert account.to_dict()["auction"] == status.to_dict()
+
+
+def test_of_equal_costs_the_smaller_names_obey() -> None:
+    scene = Scene(robots=12)
+    ended(scene, scene.desk(), "(BEST 3 1 (> id 1) (JOIN red))")
+    assert members(scene) == ["r2", "r3", "r4"]
+
+
+def test_members_stay_while_the_desk_is_there_and_leave_by_themselves_when_it_is_gone() -> None:
+    scene = Scene(robots=6, loss=0.3, twice=0.2, delay=0.05)
+    desk = scene.desk()
+    ended(scene, desk, "(BEST 2 x TRUE (PROGN (JOIN red) (RULE shine (MARK))))", 20.0)
+    assert members(scene) == ["r0", "r1"]
+    rules = [[rule.name for rule in scene.fleet[name].node.rules()] for name in ("r0", "r1", "r2")]
+    assert rules == [["shine"], ["shine"], []]
+    scene.run(LEASE + 0.5, busy={"chief"})
+    assert members(scene) == []
+    assert not any(robot.node.rules() for robot in scene.fleet.values())
+    scene.run(3.0)  # the desk is back, and none of them is
+    assert members(scene) == []
+
+
+def test_what_a_robot_was_before_it_stays() -> None:
+    scene = Scene(robots=2)
+    desk = scene.desk()
+    ended(scene, desk, "(WHEN (= id 0) (JOIN red))", 0.5)
+    ended(scene, desk, "(BEST 2 x TRUE (JOIN red))")
+    assert members(scene) == ["r0", "r1"]
+    desk.send("(WHEN (= id 1) (RULE other (MARK)))", confirmed=True)
+    scene.run(LEASE + 1.0, busy={"chief"})
+    assert members(scene) == ["r0"]
+
+
+def test_a_rule_that_a_later_command_has_changed_is_not_forgotten() -> None:
+    scene = Scene(robots=1)
+    desk = scene.desk()
+    ended(scene, desk, "(BEST 1 x TRUE (RULE shine (MARK)))")
+    ended(scene, desk, "(WHEN (= id 0) (RULE shine (UNMARK)))", 0.5)
+    scene.run(LEASE + 1.0, busy={"chief"})
+    assert [rule.text for rule in scene.fleet["r0"].node.rules()] == ["(UNMARK)"]
+
+
+def test_a_place_is_given_again_only_when_its_lease_is_over() -> None:
+    scene = Scene(robots=6)
+    desk = scene.desk()
+    sent = desk.send("(BEST 2 x TRUE (JOIN red))", deadline=30.0, confirmed=True)
+    scene.run(0.9)
+    scene.isolate("r0")  # it has bid, and hears nothing any more
+    scene.run(3.0)
+    assert members(scene) == ["r1"]
+    scene.run(2.5)
+    assert members(scene) == ["r1", "r2"]
+    assert status_of(desk, sent).chosen == ("r0", "r1", "r2")
+    scene.join("r0")
+    scene.run(3.0)
+    assert members(scene) == ["r1", "r2"]
+    assert "r0" in desk.accounting(sent.id).not_matched
+
+
+def test_a_robot_whose_test_is_false_by_the_time_of_the_grant_makes_way() -> None:
+    scene = Scene(robots=4)
+    desk = scene.desk()
+    sent = desk.send("(BEST 2 x (NOT marked) (JOIN red))", confirmed=True)
+    scene.run(0.5)
+    desk.send("(WHEN (= id 0) (MARK))", confirmed=True)
+    scene.run(3.0)
+    assert members(scene) == ["r1", "r2"]
+    assert status_of(desk, sent).members == ("r1", "r2")
+
+
+@pytest.mark.parametrize("who", ["chief", "watch"])
+def test_stop_ends_every_bid_and_grant_and_release_brings_none_back(who: str) -> None:
+    scene = Scene(robots=4)
+    desk, other = scene.desk(), scene.desk(who)
+    ended(scene, desk, "(BEST 2 x TRUE (JOIN red))")
+    sent = desk.send("(BEST 2 x TRUE (JOIN blue))", confirmed=True)
+    scene.run(0.5)
+    other.stop()
+    scene.run(0.5)
+    assert members(scene) == members(scene, "blue") == []
+    assert {account.fault or "" for account in desk.accounting(sent.id).answers.values()} == {"STOP has ended its bid"}
+    desk.release_all()
+    scene.run(3.0)
+    assert not any(robot.node.stopped for robot in scene.fleet.values())
+    assert members(scene) == members(scene, "blue") == []
+
+
+def test_robots_that_are_stopped_do_not_bid() -> None:
+    scene = Scene(robots=3)
+    desk = scene.desk()
+    desk.stop()
+    scene.run(0.5)
+    _, account = ended(scene, desk, "(BEST 2 x TRUE (DRIVE 1))")
+    assert set(account.faults.values()) == {"it is held still, so it does not bid"}
+    desk.release()
+    scene.run(1.0)
+    assert not any(robot.body.driven for robot in scene.fleet.values())
+
+
+def test_two_callers_are_two_auctions_whose_tests_are_looked_at_again() -> None:
+    scene = Scene(robots=6)
+    chief, anna = scene.desk(), scene.desk("anna")
+    text = "(BEST 2 x (NOT (IN busy)) (JOIN busy))"
+    sent = [desk.send(text, confirmed=True) for desk in (chief, anna)]
+    scene.run(4.0)
+    both = [set(status_of(desk, each).members) for desk, each in zip((chief, anna), sent, strict=True)]
+    assert not both[0] & both[1]
+    assert both[0] | both[1] == {"r0", "r1", "r2", "r3"}
+    assert members(scene, "busy") == ["r0", "r1", "r2", "r3"]
+
+
+def test_who_may_not_command_chooses_nobody() -> None:
+    scene = Scene(robots=3)
+    with pytest.raises(RoleError):
+        scene.desk("watch").send(BEST, confirmed=True)
+    with pytest.raises(RoleError, match="changes no rules"):
+        scene.desk("anna").send("(BEST 2 x TRUE (RULE a (MARK)))", confirmed=True)
+    ended(scene, scene.desk("anna"), "(BEST 1 x TRUE (JOIN red))")
+    assert members(scene) == ["r0"]
+
+
+def test_nobody_begins_without_a_quorum_and_the_account_says_so() -> None:
+    scene = Scene(robots=6)
+    desk = scene.desk()
+    sent, account = ended(scene, desk, "(QUORUM 5 8 (> id 1) (JOIN red))")
+    assert members(scene) == []
+    assert (account.n_matched, account.n_not_matched, account.n_silent) == (0, 6, 0)
+    assert not status_of(desk, sent).started
+    assert "4 bids, wanted 5: nobody was chosen" in account.sentence()
+    _, account = ended(scene, desk, "(QUORUM 3 4 (> id 0) (JOIN red))")
+    assert members(scene) == ["r1", "r2", "r3", "r4"]
+    assert "5 bids; chosen r1, r2, r3, r4" in account.sentence()
+
+
+def test_a_quorum_of_which_too_few_obey_is_told() -> None:
+    scene = Scene(robots=3)
+    desk = scene.desk()
+    sent = desk.send("(QUORUM 3 3 (NOT marked) (JOIN red))", confirmed=True)
+    scene.run(0.5)
+    desk.send("(WHEN (= id 0) (MARK))", confirmed=True)
+    scene.run(6.0)
+    assert members(scene) == ["r1", "r2"]
+    assert status_of(desk, sent).short
+    assert "short: only 2 obeyed, wanted 3" in desk.accounting(sent.id).sentence()
+
+
+def test_on_a_radio_that_loses_half_four_obey_and_never_five() -> None:
+    scene = Scene(robots=9, loss=0.5, twice=0.1, delay=0.1)
+    desk = scene.desk()
+    sent = desk.send(BEST, confirmed=True)
+    most = 0
+    for _ in range(60):
+        scene.run(0.1)
+        most = max(most, len(members(scene)))
+    account = desk.accounting(sent.id)
+    assert most == 4
+    assert set(account.matched) == set(members(scene)) == set(status_of(desk, sent).members)
+    assert account.n_silent == 0
+
+
+def test_of_two_robots_of_one_name_at_most_one_obeys() -> None:
+    scene = Scene(robots=3)
+    scene.run(0.05)
+    twin = scene.another("r0", number=0)
+    twin.node.sense((0.0, 0.5), 0.0)
+    desk = scene.desk()
+    ended(scene, desk, "(BEST 2 x TRUE (JOIN red))")
+    assert len(members(scene)) <= 2
+
+
+def test_why_says_what_a_robot_has_bid_and_why_it_did_not_obey() -> None:
+    scene = Scene(robots=3)
+    desk = scene.desk()
+    sent, _ = ended(scene, desk, "(BEST 1 x (< id 2) (JOIN red))")
+    assert scene.fleet["r0"].node.why(sent.id).text == "(WHEN (< id 2) (JOIN red))"
+    bid = scene.fleet["r1"].node.why(sent.id)
+    assert (bid.text, bid.value) == ("(WHEN (< id 2) x)", 1.0)
+    assert not scene.fleet["r2"].node.why(sent.id).matched
+
+
+@pytest.mark.parametrize("text", [BEST, "(QUORUM 1 2 TRUE (JOIN red))"])
+def test_it_is_sent_once(text: str) -> None:
+    scene = Scene(robots=2)
+    with pytest.raises(CommandTypeError, match="cannot be standing: who is chosen is a matter of the moment"):
+        scene.desk().prepare(text, Terms(standing=True))
+    with pytest.raises(CheckError, match="stands in no other expression"):
+        scene.desk().send(f"(RULE choose {text})", confirmed=True)
+
+
+@pytest.mark.parametrize("text", [BEST, "(QUORUM 1 2 TRUE (JOIN red))"])
+def test_a_desk_that_collects_no_bids_refuses_it(text: str) -> None:
+    desk = Far({"r1": Node("r1", VOCABULARY)}).station()
+    with pytest.raises(CommandTypeError, match="is for robots on the air"):
+        desk.send(text)
+
+
+def test_what_others_tell_and_standing_commands_choose_nobody() -> None:
+    for sent in ({"standing": True}, {"body": {HOPS: 1}}):
+        node = Node("r1", VOCABULARY)
+        node.receive(Message("r2", 1, 1, Kind.COMMAND, 0.0, text=BEST, **sent))  # type: ignore[arg-type]
+        node.think(1, 0.1)
+        (answer,) = node.outbox
+        assert answer.body["fault"] == "BEST and QUORUM are sent once, by a desk: nobody else collects bids"
+
+
+def test_a_robot_takes_part_in_so_many_auctions_of_one_caller_and_of_all() -> None:
+    scene = Scene(robots=1)
+    desks = [scene.desk(), scene.desk("anna"), scene.desk("bert")]
+    sent = [
+        (desk, desk.send(f"(BEST 1 x TRUE (PROGN (JOIN g{n}) 0))", confirmed=True)) for desk in desks for n in range(9)
+    ]
+    scene.run(2.5)
+    refused = [desk.accounting(each.id).n_fault for desk, each in sent]
+    assert refused == [*[0] * 8, 1] * 2 + [1] * 9
+
+
+def test_grants_of_somebody_else_make_nobody_a_member() -> None:
+    scene = Scene(robots=2)
+    chief, anna = scene.desk(), scene.desk("anna")
+    sent = chief.send("(BEST 1 (- x) TRUE (JOIN red))", confirmed=True)
+    scene.run(0.4)
+    robot = scene.fleet["r0"]
+    for beat in list(robot.node.bidding._open[0].bid._beats):
+        grants = {
+            "of": sent.message.sequence,
+            "open": True,
+            "granted": ["r0"],
+            "beats": [beat],
+            "best": [],
+            "costs": [],
+        }
+        anna.session.delivery.post("request", scene.clock.now(), body={"grants": grants})  # type: ignore[arg-type]
+    scene.run(0.3)
+    assert members(scene) == []
+    scene.run(2.0)
+    assert members(scene) == ["r1"]

@@ -160,10 +160,12 @@ def best_of(rounds: Rounds, most: int) -> set[str]:
 def main() -> None:
     parser = argparse.ArgumentParser(description="Rounds of BEST and QUORUM on a radio that loses.")
     parser.add_argument("--rounds", type=int, default=10_000)
-    rounds = parser.parse_args().rounds
+    parser.add_argument("--loss", type=float, action="append", help="share of messages that are lost, e.g. 0.5")
+    options = parser.parse_args()
+    rounds = options.rounds
     print(f"{rounds:,} rounds each: BEST 4 of 12, QUORUM 5 8 of 12, one robot in eight dies on the way")
     print("lost   the true four   four of others   fewer   too many   quorum started   short   too many")
-    for loss in (0.0, 0.1, 0.2, 0.3, 0.4, 0.5):
+    for loss in options.loss or (0.0, 0.1, 0.2, 0.3, 0.4, 0.5):
         print(f"{loss:4.0%}   {'   '.join(_row(loss, rounds))}", flush=True)
 
 

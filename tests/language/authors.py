@@ -74,6 +74,17 @@ class Author:
         """One expression, as a message."""
         return self.expression(Place(), self.deepest)
 
+    def whole(self) -> str:
+        """The same, and now and then a command that chooses among robots, which is a whole message."""
+        if self.chance.randrange(60):
+            return self.text()
+        place, calls, self.calls = Place(), self.calls, self.looking
+        looked = self.several(place, 2, 2, 2)
+        self.calls = calls
+        which = f"(BEST {self.chance.randint(1, 4)}" if self.chance.randrange(2) else "(QUORUM 1 2"
+        test = looked if which.startswith("(BEST") else self.one_of(("TRUE", "UNKNOWN", "fuel", "(IN red)"))
+        return f"{which} {test} {self.expression(place, 2)})"
+
     def expression(self, place: Place, depth: int) -> str:
         if depth <= 0 or self.chance.randrange(4) == 0:
             return self.leaf(place)

@@ -73,7 +73,7 @@ def test_every_machine_agrees_with_the_reference(setting: Setting, chance: Rando
     # The node is there as the twin of the fleet's first robot, which differs from it in nothing.
     others = {name: make(setting) for name, make in MACHINES.items() if name not in ("reference", "node")}
     for _ in range(TEXTS):
-        text = author.text()
+        text = author.whole()
         note(text)
         outcomes = {name: machine.evaluate(text) for name, machine in others.items()}
         refused = {bool(outcome.refused) for outcome in outcomes.values()}
@@ -87,7 +87,7 @@ def test_every_machine_agrees_with_the_reference(setting: Setting, chance: Rando
 
 def written(texts: int) -> list[str]:
     author = Author(Random(1))
-    return [author.text() for _ in range(texts)]
+    return [author.whole() for _ in range(texts)]
 
 
 def test_the_author_writes_every_form_there_is() -> None:
@@ -139,7 +139,7 @@ def test_an_explanation_sees_what_acts_have_set(text: str) -> None:
 def test_an_explanation_tells_what_the_evaluation_gave(setting: Setting, chance: Random) -> None:
     robot, author = NodeMachine(setting), Author(chance)
     for _ in range(TEXTS):
-        text = author.text()
+        text = author.whole()
         note(text)
         if robot.evaluate(text).refused:
             continue

@@ -14,6 +14,7 @@ from sleepcast.station.account import Account
 from sleepcast.station.network import NetworkStation, RoleError
 from sleepcast.station.prepared import Terms
 from sleepcast.station.sent import Command
+from sleepcast.station.staging import Stages
 from sleepcast.station.validation import CommandTypeError
 from station.far import Far
 
@@ -248,6 +249,12 @@ def test_a_desk_that_collects_no_bids_refuses_it(text: str) -> None:
     desk = Far({"r1": Node("r1", VOCABULARY)}).station()
     with pytest.raises(CommandTypeError, match="is for robots on the air"):
         desk.send(text)
+
+
+def test_it_is_not_sent_in_stages() -> None:
+    desk = Scene(robots=2).desk()
+    with pytest.raises(CommandTypeError, match="chooses among all robots at once"):
+        Stages(desk, desk.prepare(BEST))
 
 
 def test_what_others_tell_and_standing_commands_choose_nobody() -> None:

@@ -198,7 +198,7 @@ def ranked(form: Form) -> Form | None:
 
 def auction_of(root: Part) -> Auction | None:
     """What a whole command asks for that chooses among robots; None for every other one."""
-    inside = root.parts[0].parts if root.op == "cond" else ()
+    inside = root.parts[0].parts if root.op == "cond" and root.parts else ()
     auction = inside[-1].data if inside and inside[-1].op == "auction" else None
     return auction if isinstance(auction, Auction) else None
 

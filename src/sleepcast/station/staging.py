@@ -9,11 +9,12 @@ from collections.abc import Iterator
 from math import ceil
 
 from sleepcast.core.records import dataclass
+from sleepcast.language.parts import auction_of
 from sleepcast.station.account import Account
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.prepared import Prepared
 from sleepcast.station.sent import Command
-from sleepcast.station.validation import Audience
+from sleepcast.station.validation import Audience, CommandTypeError
 
 SHARE = 0.1
 """Of those that may obey, in the second stage."""
@@ -34,7 +35,8 @@ class Stage:
 
 
 class Stages:
-    """A command that goes out in stages. Raises what `NetworkStation.commit` raises, before anything is sent.
+    """A command that goes out in stages. Raises what `NetworkStation.commit` raises, and CommandTypeError for
+    one that chooses among robots, before anything is sent.
 
     count, confirmed: the sender's answers, for all of them
     """
@@ -43,6 +45,8 @@ class Stages:
         self, station: NetworkStation, prepared: Prepared, *, count: int | None = None, confirmed: bool = False
     ) -> None:
         self._station, self._confirmed = station, confirmed
+        if (auction := auction_of(prepared.draft.program.root)) is not None:
+            raise CommandTypeError(f"{auction.name} chooses among all robots at once: send it without stages")
         self._whole = station.accept(prepared, count=count, confirmed=confirmed)
         forecast = self._whole.forecast
         candidates = [*forecast.yes, *forecast.unknown]

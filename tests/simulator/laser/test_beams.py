@@ -99,6 +99,17 @@ class TestOneBeam:
         sim.place(1, 8.5, 5.0, 0.0)
         assert scanned(sim, 5.0, 5.0) == [3.0]
 
+    def test_bodies_of_several_types_are_as_wide_as_they_are(self, machine: Machine) -> None:
+        text = TEXT.format(laser=self.LASER, world="", count=1)
+        begin, end = text.index("[robots]"), text.index("[laser]")
+        wide = text[begin:end].replace("0.25m", "1m").replace('"scout"', '"barge"')
+        types = "".join(each.replace("[robots]", "[[robots]]") for each in (text[begin:end], wide))
+        sim = Simulator(read_scenario(text[:begin] + types + text[end:]), machine=machine)
+        sim.place(1, 9.0, 5.0, 0.0)
+        assert scanned(sim, 5.0, 5.0) == [3.0]
+        sim.place(1, 9.0, 5.0, pi)
+        assert sim.scans(np.array([1]))[0].tolist() == pytest.approx([3.75])
+
     def test_what_moves_is_seen_where_it_is(self, machine: Machine) -> None:
         sim = Simulator(scenario(self.LASER, DISC), machine=machine)
         assert scanned(sim, 5.0, 5.0) == [2.0]

@@ -168,9 +168,10 @@ class NumbaMachine:
     def neighbours(self, vicinity: Vicinity, formula: Formula, robots: Whole, radius: Floats, colour: Floats) -> Floats:
         found = np.empty(len(robots))
         kernels_neighbours.prepare_one(vicinity.address)
+        order = vicinity.order_of(robots)
 
         def work(first: int, last: int) -> None:
-            kernels_neighbours.ask_many(vicinity.address, *formula, robots, radius, colour, first, last, found)
+            kernels_neighbours.ask_many(vicinity.address, *formula, robots, radius, colour, order, first, last, found)
 
         self._share(len(robots), work, CROWDED)
         return found

@@ -17,6 +17,7 @@ from sleepcast.simulator import Simulator, load
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.scenario.signals import LIGHT_NAMES, PING_NAMES
 from sleepcast.simulator.snapshot import resume, state_of
+from sleepcast.simulator.world.sight import hidden, unrolled
 from small_worlds import SMALL, write
 
 TEXT = SMALL.replace("format = 1", "format = 2").replace('"1km"', '"20m"').replace('"500m"', '"5m"')
@@ -186,6 +187,72 @@ def test_all_machines_sense_the_same_and_just_what_is_not_hidden(around: str, er
 
 def _images(place: float, side: float) -> list[float]:
     return [place] if side == inf else [place, place - side, place + side]
+
+
+def solids_by_chance(drawn: np.random.Generator, whole: bool) -> np.ndarray:
+    """Short and long lines, along the axes and aslant, and small and large discs; with whole numbers many of them touch
+    each other, robots, and what these look at."""
+    rows = np.zeros((36, 5))
+    rows[:, :2] = drawn.uniform(-2.0, 22.0, (36, 2))
+    rows[:, 2:4] = rows[:, :2] + drawn.normal(0.0, 3.0, (36, 2))
+    rows[:2, 2:4] += 50.0
+    rows[np.arange(12, 24), np.where(drawn.random(12) < 0.5, 2, 3)] = np.nan
+    rows[:, 2:4] = np.where(np.isnan(rows[:, 2:4]), rows[:, :2], rows[:, 2:4])
+    if whole:
+        rows = np.round(rows)
+    rows[28:, 2:4], rows[28:, 4] = (
+        rows[28:, :2],
+        [1, 1, 1, 1, 1, 1, 2, 6] if whole else [0.01, 0.1, 0.2, 0.3, 0.4, 1, 2, 6],
+    )
+    return rows[(rows[:, 4] > 0.0) | (rows[:, :2] != rows[:, 2:4]).any(axis=1)]
+
+
+def looking_around(folder: Path, edge: str) -> Simulator:
+    """300 robots on the fastest machine."""
+    changes = [('sonars = 16\nsonar_range = "100m"', ""), ("count = 20", "count = 300"), ('"5m/s"', '"1m/s"')]
+    changes += [('height = "20m"', WORLDS["torus"])] if edge == "torus" else []
+    sim = Simulator(load(write(folder, *changes, more='\n[neighbours]\nreach = "9m"\n', text=TEXT)), machine=ALL[-1])
+    sim.step()
+    return sim
+
+
+@pytest.mark.parametrize("edge", ["plain", "torus"])
+@pytest.mark.parametrize("whole", [True, False], ids=["whole numbers", "any numbers"])
+def test_all_around_the_same_is_hidden_as_along_each_line(whole: bool, edge: str, tmp_path: Path) -> None:
+    sim, drawn, robots = looking_around(tmp_path, edge), np.random.default_rng([3, whole]), np.arange(300)
+    size = 20.0 if edge == "torus" else inf
+    first, second = np.nonzero(~np.eye(300, dtype=bool))
+    pairs = seen = 0
+    for radius in (1.0, 2.0, 8.0, 8.0, 8.0):
+        sim.bodies.sight.walls.put(solids_by_chance(drawn, whole))
+        places = drawn.uniform(0.0, 20.0, (2, 300))
+        places[:, :4] = [[-1.0, 21.0, 10.0, -3.0], [5.0, 5.0, 21.0, -3.0]] if edge == "plain" else 10.0
+        sim.bodies.x[:], sim.bodies.y[:] = np.floor(places) if whole else places
+        sim.bodies.moved()
+        x, y, near = sim.bodies.x, sim.bodies.y, sim.senses._near
+        assert near
+        near.step()
+        to_x, to_y = unrolled(x[first], x[second], size), unrolled(y[first], y[second], size)
+        close = (to_x - x[first]) ** 2 + (to_y - y[first]) ** 2 <= radius**2
+        lines = x[first], y[first], to_x, to_y
+        clear = ~hidden(sim.bodies.sight.walls, *(each[close] for each in lines))
+        begin, others = near.neighbours(robots, 299, np.full(300, radius))
+        assert begin.tolist() == [0, *np.cumsum(np.bincount(first[close][clear], minlength=300))]
+        assert np.array_equal(others, second[close][clear])
+        pairs, seen = pairs + int(close.sum()), seen + int(clear.sum())
+    assert pairs > 50_000
+    assert 0.1 * pairs < seen < 0.9 * pairs, "neither all nor nothing is seen"
+
+
+@pytest.mark.parametrize("edge", ["plain", "torus"])
+def test_everybody_senses_the_same_in_any_order(edge: str, tmp_path: Path) -> None:
+    sim = looking_around(tmp_path, edge)
+    sim.bodies.sight.walls.put(solids_by_chance(np.random.default_rng(4), whole=False))
+    many = next(each.many for each in sim.model.functions if each.name == "MEAN_X")
+    assert many
+    robots, radii = np.arange(300), np.linspace(1.0, 8.0, 300)
+    backwards = many(sim.robots, robots[::-1], radii[::-1])[::-1]
+    assert many(sim.robots, robots, radii).tobytes() == backwards.tobytes()
 
 
 class TestLights:

@@ -43,19 +43,23 @@ from sleepcast.simulator.simd.lanes import (
     put_whole,
     real_at,
     reals_at,
+    single_at,
+    singles_at,
     stack_room,
     whole_at,
     wholes_at,
 )
-from sleepcast.simulator.simd.vectors import either, how_many, places
+from sleepcast.simulator.simd.vectors import any_of, either, how_many, places, singles
 from sleepcast.simulator.sonar.kernels import GOLDEN, U, cells_around, deviate, mixed
 from sleepcast.simulator.world import kernels_sight
 
 I = np.int32  # noqa: E741  # as short as U
 AT_ONCE = 128
 """Neighbours that are found before something is asked about them."""
-ROOM = (AT_ONCE + LANES) // 2
-"""Words for them: two indices each, and room for LANES more."""
+ROW = AT_ONCE + LANES
+ROOM, WAYS = ROW // 2, ROW
+"""Words for their indices, 32 bits each, with room for LANES more; and for two such rows."""
+SEEN = kernels_sight.SEEN
 (
     COUNT,
     PLACE_X,
@@ -219,11 +223,12 @@ def sort_points(vicinity, points):
 
 
 @strict
-def ask_many(vicinity, quantity, fold, frame, row, robots, radius, colour, first, last, found):
-    """Write what `formula` comes to for the robots from `first` to `last` (exclusive) into `found`. radius: m, one for
-    each; colour: likewise, NaN for any."""
+def ask_many(vicinity, quantity, fold, frame, row, robots, radius, colour, order, first, last, found):
+    """Write what `formula` comes to for the robots from `first` to `last` (exclusive) in an order of them into `found`.
+    radius: m, one for each; colour: likewise, NaN for any; order: indices of all of these."""
     before, within = -1.0, 0.0
-    for i in range(first, last):
+    for index in range(first, last):
+        i = order[index]
         if radius[i] != before:
             before = radius[i]
             within = square_within(before)
@@ -411,10 +416,12 @@ def gather(vicinity, quantity, fold, row, robot, within, colour, middle_x, middl
     least = within if within < reach * reach else reach * reach
     plain = not coloured and loss == 0.0
     measured = noise > 0.0 or quantity == AWAY or fold == NEAREST
-    veiled = long_at(long_at(near, SIGHT), kernels_sight.COUNT) > 0
+    seen = stack_room(SEEN)
+    walls, discs = around(vicinity, near, robot, least, seen)
+    veiled = walls != 0 or discs != 0
     found, other_found, count, best = 0.0, 0.0, 0.0, -inf
     line, high, left, right = cells_around(own_x, own_y, size, columns, long_at(vicinity, ROWS), reach)
-    room, k = stack_room(ROOM), np.int64(whole_at(start, line * columns + left))
+    room, ways, k = stack_room(ROOM), stack_room(WAYS), np.int64(whole_at(start, line * columns + left))
     while line < high:
         taken = 0
         while line < high and taken < AT_ONCE:
@@ -425,13 +432,16 @@ def gather(vicinity, quantity, fold, row, robot, within, colour, middle_x, middl
                 close = (dx * dx + dy * dy <= least) & (wholes_at(order, each) != I(robot))
                 close = close & (places() < I(end - each))
                 pack_at(room, taken, places() + I(each), close)
+                if veiled:
+                    pack_at(ways, taken, singles(dx), close)
+                    pack_at(ways, taken + ROW, singles(dy), close)
                 taken += np.int64(how_many(close))
             k = end
             if k == stop:
                 line += 1
                 k = np.int64(whole_at(start, min(line, high - 1) * columns + left))
         if veiled and taken > 0:
-            taken = visible(vicinity, near, robot, least, room, taken)
+            taken = visible(vicinity, near, robot, seen, walls, discs, room, ways, taken)
         if plain and quantity == ONE and fold == TOTAL:
             found, count = found + float(taken), count + float(taken)
             continue
@@ -498,42 +508,50 @@ def gather(vicinity, quantity, fold, row, robot, within, colour, middle_x, middl
 
 
 @part
-def visible(vicinity, near, robot, within, room, taken):
-    """Keep those of so many points in a room that nothing hides from a robot; gives their number. within: the square of
-    how far they are away at most."""
-    x, y, walls = (
-        real_at(long_at(near, PLACE_X), robot),
-        real_at(long_at(near, PLACE_Y), robot),
-        long_at(vicinity, WALLS),
-    )
+def around(vicinity, near, robot, within, seen):
+    """What hides neighbours around a robot, see `kernels_sight.look_around`; walls are -1 where each line has to be
+    walked along."""
+    if long_at(long_at(near, SIGHT), kernels_sight.COUNT) == 0:
+        return 0, 0
+    walls = long_at(vicinity, WALLS)
     if walls == 0:
-        return walked(vicinity, near, x, y, room, taken)
-    solids, items = long_at(walls, kernels_sight.SOLIDS), long_at(walls, kernels_sight.ITEMS)
-    first, last = kernels_sight.items_of(walls, kernels_sight.cell_of(walls, x, y))
-    for index in range(first, last):
-        at = 5 * np.int64(whole_at(items, index))
-        if not kernels_sight.beyond(solids, at, x, y, within):
-            taken = unhidden(vicinity, near, solids, at, x, y, room, taken)
-    return taken
+        return -1, 0
+    x, y = real_at(long_at(near, PLACE_X), robot), real_at(long_at(near, PLACE_Y), robot)
+    return kernels_sight.look_around(walls, x, y, within, seen)
 
 
 @part
-def unhidden(vicinity, near, solids, at, x, y, room, taken):
-    """Keep those of so many points in a room that one solid does not hide from x, y; gives their number."""
-    kept = 0
-    for index in range(taken):
-        point = whole_at(room, index)
-        seen_x, seen_y = place_of(vicinity, near, x, y, np.int64(point))
-        put_whole(room, kept, point)
-        kept += not kernels_sight.crossed(solids, at, x, y, seen_x, seen_y)
+def visible(vicinity, near, robot, seen, walls, discs, room, ways, taken):
+    """Keep those of so many points in a room that nothing hides from a robot; gives their number. seen, walls, discs:
+    see `around`; ways: x and y of the way to each point, float32, in two rows"""
+    if walls < 0:
+        return walked(vicinity, near, robot, room, 0, taken, 0)
+    kept, doubt, depths = 0, np.float32(real_at(long_at(vicinity, WALLS), kernels_sight.DOUBT)), stack_room(LANES)
+    for first in range(0, taken, LANES):
+        depth = kernels_sight.depth(seen, walls, discs, singles_at(ways, first), singles_at(ways, first + ROW))
+        there = places() < I(taken - first)
+        if any_of(there & (np.abs(depth) <= doubt)):
+            put_reals(depths, 0, depth)
+            for index in range(first, min(first + LANES, taken)):
+                one = single_at(depths, index - first)
+                if abs(one) <= doubt:
+                    kept = walked(vicinity, near, robot, room, index, index + 1, kept)
+                else:
+                    put_whole(room, kept, whole_at(room, index))
+                    kept += one < np.float32(0.0)
+        else:
+            clear = there & (depth < np.float32(0.0))
+            pack_at(room, kept, wholes_at(room, first), clear)
+            kept += np.int64(how_many(clear))
     return kept
 
 
 @part
-def walked(vicinity, near, x, y, room, taken):
-    """The same of all solids, along the cells between."""
-    kept = 0
-    for index in range(taken):
+def walked(vicinity, near, robot, room, first, last, kept):
+    """Keep those points in a room from `first` to `last` (exclusive) that nothing hides, after so many that are kept;
+    gives their number together. For each one the cells between are looked at."""
+    x, y = real_at(long_at(near, PLACE_X), robot), real_at(long_at(near, PLACE_Y), robot)
+    for index in range(first, last):
         point = whole_at(room, index)
         seen_x, seen_y = place_of(vicinity, near, x, y, np.int64(point))
         put_whole(room, kept, point)

@@ -18,7 +18,7 @@ from sleepcast.core.counter_rng import key
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.signals import NeighbourModel
 from sleepcast.simulator.simd.formulas import LANES, square_within
-from sleepcast.simulator.world.grid import Floats
+from sleepcast.simulator.world.grid import Floats, Short, Whole
 from sleepcast.simulator.world.sight import SightLines, SolidsByCell
 from sleepcast.simulator.world.torus import PLAIN, Cells, cells_over
 
@@ -164,8 +164,16 @@ class Vicinity:
         indices = (row.ctypes.data for row in self._indices)
         table[Of.WHOSE], table[Of.CELL], table[Of.ORDER], table[Of.SORTED_WHOSE] = indices
         self.address = self.table.ctypes.data
-        self._reach = reach
+        self._reach, self._count = reach, count
         self._walls: SolidsByCell | None = None
+
+    def order_of(self, robots: Whole) -> Short:
+        """In which order compiled code best looks at some robots, as indices of them: all bodies by cell, in which they
+        are sorted, so that what lies around one serves the next."""
+        if not np.array_equal(robots, np.arange(self._count)):
+            return np.arange(robots.size, dtype=np.int32)
+        points: Short = self._indices[2, : self._start[-2]]
+        return points[points < self._count]
 
     def hide(self, sight: SightLines) -> None:
         """Let what is solid there hide neighbours."""

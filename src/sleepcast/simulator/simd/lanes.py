@@ -322,6 +322,6 @@ def stack_room(typing, count):
     return (types.int64(count), generate) if size else None
 
 
-real_at, long_at, whole_at = (_loader(kind) for kind in (types.float64, types.int64, types.int32))
-put_real, put_long, put_whole = (_storer(kind) for kind in (types.float64, types.int64, types.int32))
-reals_at, wholes_at = (_lane_loader(kind) for kind in (types.float64, types.int32))
+real_at, single_at, long_at, whole_at = map(_loader, (types.float64, types.float32, types.int64, types.int32))
+put_real, put_single, put_long, put_whole = map(_storer, (types.float64, types.float32, types.int64, types.int32))
+reals_at, singles_at, wholes_at = map(_lane_loader, (types.float64, types.float32, types.int32))

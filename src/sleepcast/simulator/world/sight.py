@@ -18,11 +18,13 @@ from math import ceil, inf, log, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.simulator.world.grid import CellLists, Floats, Grid, Whole, grid_over, list_solids, spread
+from sleepcast.simulator.simd.formulas import LANES
+from sleepcast.simulator.world.grid import CellLists, Floats, Grid, Short, Whole, grid_over, list_solids, spread
 from sleepcast.simulator.world.torus import PLAIN, Around
 from sleepcast.simulator.world.world import World
 
 Flags = NDArray[np.bool_]
+Singles = NDArray[np.float32]
 Ends = tuple[Floats, Floats, Floats, Floats]
 """x, y of the beginnings of lines, and of their ends, m."""
 
@@ -30,12 +32,16 @@ SLACK = 1e-6
 """By how much, in sides of a cell, cells list what lies beyond them: far more than what rounding moves a line by."""
 AT_ONCE = 65_536
 """Lines that are looked at together."""
+BESIDE = 1.5
+"""How many times as far as anybody looks spans go."""
+HUGE = 2.0**24
+"""Times as large as that, a world is too large for it."""
 SPREAD = 2.0**0.5
 """How much larger the reach is for which new lists of solids are made."""
 MOST_WIDE = 8
 """Reaches for which such lists are kept."""
-LONG = 12
-"""Solids in a list on average, up to which one list takes less time than the walk along cells."""
+LONG = 64
+"""Solids in a list on average, up to which such lists are used. Each takes 24 bytes."""
 
 
 class Lines(IntEnum):
@@ -54,6 +60,10 @@ class Lines(IntEnum):
     """Of a cell, m, with a point, as the margins are."""
     MARGIN_X = 7
     MARGIN_Y = 8
+    SPANS = 9
+    """What of each item lies near its cell, see `spans`."""
+    DOUBT = 10
+    """m2, with a point: areas that are computed with spans are wrong by less; infinite where nothing is known of it."""
 
 
 def crossed(x: Floats, y: Floats, to_x: Floats, to_y: Floats, solids: Floats) -> Flags:
@@ -123,9 +133,74 @@ class SolidsByCell:
         """Whether anything hides."""
         return len(self.solids) > 0
 
+    def span(self, reach: float, size: tuple[float, float]) -> None:
+        """Let compiled code look along lines of at most `reach` m in numbers of 32 bits. size: of the world, m
+
+        Places from a robot, across and up, are at most `most`. They are wrong by 2^-23 of it, areas between two of them
+        by six times 2^-23 of its square, and differences and sums of these by less than 32 times as much: the doubt. In
+        numbers of 64 bits, by which `crossed` decides, the same is wrong by far less in all but enormous worlds.
+        """
+        self.spans = spans(self, reach)
+        most = 1.5 * self.grid.size + BESIDE * reach
+        wide = max(*size, float(np.abs(self.solids).max(initial=0.0)))
+        self.table[Lines.SPANS] = self.spans.ctypes.data
+        self.table.view(np.float64)[Lines.DOUBT] = 2.0**-18 * most * most if wide < HUGE * most else inf
+
     @property
     def address(self) -> int:
         return int(self.table.ctypes.data)
+
+
+def spans(lines: SolidsByCell, reach: float) -> Singles:
+    """What of each listed solid lies near its cell, from the middle of the cell, m: five numbers each, as in
+    `world.World.solids`, an infinite radius for a disc that is too large for them. Those of a cell lie together, up to
+    LANES of each number in a row."""
+    start, items = lines.listed
+    found = np.zeros(5 * (len(items) + LANES), np.float32)
+    counts = np.diff(start)
+    cells = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
+    for begin in range(0, len(items), AT_ONCE):
+        cell = cells[begin : begin + AT_ONCE]
+        place = np.arange(begin, begin + len(cell)) - start[cell]
+        first = place - place % LANES
+        at = 5 * (start[cell] + first) + place % LANES
+        for row in _spans_of(lines, cell, items[begin : begin + AT_ONCE], reach):
+            found[at] = row
+            at += np.minimum(counts[cell] - first, LANES)
+    return found
+
+
+def _spans_of(lines: SolidsByCell, cells: Short, items: Short, reach: float) -> Iterator[Floats]:
+    """The five numbers of these solids in these cells. Whatever lies too far away becomes a wall far away."""
+    grid, (margin_x, margin_y) = lines.grid, lines.margin
+    row, column = np.divmod(cells, grid.columns)
+    x0, y0, x1, y1, radius = lines.solids[items].T
+    middle_x, middle_y = (column + 0.5) * grid.size - margin_x, (row + 0.5) * grid.size - margin_y
+    x0, y0, x1, y1 = x0 - middle_x, y0 - middle_y, x1 - middle_x, y1 - middle_y
+    near, far = 0.5 * grid.size + reach, 0.5 * grid.size + BESIDE * reach
+    begin, end = _inside(x0, y0, x1, y1, near + radius)
+    gone = begin > end
+    begin, end = _inside(x0, y0, x1, y1, np.where(radius > 0.0, inf, far))
+    for place, way, share, beyond in (
+        *((x0, x1 - x0, begin, far), (y0, y1 - y0, begin, -far)),
+        *((x0, x1 - x0, end, far), (y0, y1 - y0, end, far)),
+    ):
+        yield np.where(gone, beyond, place + share * way)
+    yield np.where(gone, 0.0, np.where(radius > far - near, inf, radius))
+
+
+def _inside(x0: Floats, y0: Floats, x1: Floats, y1: Floats, half: Floats) -> tuple[Floats, Floats]:
+    """Which part of each line lies within a square of its own around 0, 0: where it begins and ends as shares of the
+    line; the beginning is beyond the end if none does. half: of its side, m"""
+    begin, end = np.zeros(len(x0)), np.ones(len(x0))
+    for place, to in ((x0, x1), (y0, y1)):
+        way = to - place
+        level = way == 0.0
+        low, high = (-half - place) / np.where(level, 1.0, way), (half - place) / np.where(level, 1.0, way)
+        low, high = np.minimum(low, high), np.maximum(low, high)
+        begin = np.where(level, np.where(np.abs(place) > half, 2.0, begin), np.maximum(begin, low))
+        end = np.where(level, end, np.minimum(end, high))
+    return begin, end
 
 
 class SightLines(SolidsByCell):
@@ -161,13 +236,17 @@ class SightLines(SolidsByCell):
 
     def around(self, reach: float) -> SolidsByCell | None:
         """The solids in cells that list all within `reach` m, and a bit beyond: whoever looks no farther needs to look
-        at one cell alone. None if these lists would be long."""
+        at one cell alone. None if these lists would be long; and if that is half a torus, where it is a matter of
+        rounding which image is the nearest."""
+        if 2.001 * reach > min(self._around):
+            return None
         wide = SPREAD ** ceil(log(max(reach, 1e-9) * (1.0 - SLACK), SPREAD)) * (1.0 + SLACK)  # few different ones
         if wide not in self._wide:
             if len(self._wide) == MOST_WIDE:
                 self._wide.clear()
             made = self._wide[wide] = SolidsByCell()
             made.fill(self.solids, self._grid(wide, 4 * len(self.solids)), self._beyond, wide * (1.0 + SLACK))
+            made.span(wide, self._size)
         found = self._wide[wide]
         return found if len(found.listed.items) <= LONG * found.grid.cells else None
 

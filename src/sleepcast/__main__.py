@@ -26,11 +26,13 @@ few robots ends before the first one."""
 
 
 def run() -> NoReturn:
-    """Load and run the command, and end the process. What Python would take apart then, object by object, goes with the
-    process anyway; unless a thread still works, of which Python takes care."""
+    """Load and run the command, and end the process. As Python would, it waits for threads that still work, lets those
+    of pools end, and tells whoever wants to be told. What Python would take apart then, object by object, goes with the
+    process anyway."""
     status = start()
-    if "threading" in sys.modules and sys.modules["threading"].active_count() > 1:
-        sys.exit(status)
+    if "threading" in sys.modules:
+        with suppress(BaseException):  # Ctrl-C and SIGTERM: whoever presses it waits no longer
+            sys.modules["threading"]._shutdown()
     atexit._run_exitfuncs()
     for stream in filter(None, (sys.stdout, sys.stderr)):
         with suppress(OSError, ValueError):

@@ -14,10 +14,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence, Set
 from math import cos, isnan, nan, pi, remainder
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 from sleepcast.core.model import HostFunction, NamedArea, Quantity, RestState
-from sleepcast.core.records import dataclass
+from sleepcast.core.records import NamedTuple, dataclass
 
 BRAKING = 0.8
 """Share of the acceleration that coming to rest in time counts on."""

@@ -1,4 +1,5 @@
-"""Our `dataclass` is Python's in all that can be seen: each class here is made by both, and behaves the same."""
+"""Our `dataclass` and `NamedTuple` are Python's in all that can be seen: each class here is made by both, and behaves
+the same."""
 
 from __future__ import annotations
 
@@ -6,10 +7,12 @@ import copy
 import dataclasses
 import inspect
 import pickle
+import types
 from collections.abc import Callable
 from dataclasses import InitVar, field
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, NamedTuple, TypeAlias, get_type_hints
 
+import msgspec
 import pytest
 
 from sleepcast.core import records
@@ -183,3 +186,49 @@ def test_classes_derive_from_it_as_from_python_s(dataclass: Decorator) -> None:
         dataclass(frozen=True)(type("Base", (), {"__annotations__": {"a": "int"}, "__setattr__": setattr}))
     with pytest.raises(TypeError, match="non-default argument 'b' follows default"):
         dataclass(type("Base", (), {"__annotations__": {"a": "int", "b": "int"}, "a": 1}))
+
+
+def pair(base: Any, **more: object) -> Any:
+    """A named tuple that is derived from `base`."""
+    body = {
+        "__doc__": "Two things.",
+        "__module__": __name__,
+        "__annotations__": {"first": "int", "second": "tuple[str, ...]"},
+        "second": ("a",),
+        "many": property(lambda self: self.first + len(self.second)),
+        "of": classmethod(lambda cls, first: cls(first)),
+        **more,
+    }
+    return types.new_class("Pair", (base,), {}, lambda own: own.update(body))
+
+
+TOLD: list[Callable[[Any], object]] = [
+    lambda base: pair(base)(1),
+    lambda base: pair(base)(),
+    lambda base: pair(base)(1, second=()),
+    lambda base: pair(base)(2)._replace(first=3).many,
+    lambda base: pair(base).of(5)._asdict(),
+    lambda base: [getattr(pair(base), each) for each in ("_fields", "_field_defaults", "__doc__", "__bases__")],
+    lambda base: [getattr(pair(base), each) for each in ("__name__", "__qualname__", "__module__")],
+    lambda base: get_type_hints(pair(base)),
+    lambda base: str(inspect.signature(pair(base)).replace(parameters=[])),
+    lambda base: list(inspect.signature(pair(base)).parameters),
+    lambda base: hasattr(pair(base)(1), "__dict__"),
+    lambda base: setattr(pair(base)(1), "first", 2),
+    lambda base: pair(base)(1) == (1, ("a",)) and hash(pair(base)(1)) == hash((1, ("a",))),
+    lambda base: msgspec.json.decode(msgspec.json.encode(pair(base)(7)), type=pair(base)),
+]
+
+
+@pytest.mark.parametrize("tried", TOLD, ids=range(len(TOLD)))
+def test_named_tuples_behave_the_same(tried: Callable[[Any], object]) -> None:
+    own = said(lambda: tried(records.NamedTuple))
+    assert own == said(lambda: tried(NamedTuple))
+
+
+@pytest.mark.parametrize("base", [NamedTuple, records.NamedTuple])
+def test_named_tuples_are_refused_alike(base: Any) -> None:
+    with pytest.raises(TypeError, match="default"):
+        pair(base, __annotations__={"second": "int", "first": "int"})
+    with pytest.raises(AttributeError, match="_fields"):
+        pair(base, _fields=())

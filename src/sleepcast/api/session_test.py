@@ -14,13 +14,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import TYPE_CHECKING, cast
 
 from sleepcast.api.assembly import others_of
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.desks import sent_by
 from sleepcast.channel.message import FOR, LEASE, NOT
 from sleepcast.core.errors import MisuseError, and_more
+from sleepcast.core.records import NamedTuple
 from sleepcast.core.toml_text import toml_value
 from sleepcast.loop import Swarm
 from sleepcast.loop.mission import named_robots, order_kind

@@ -10,9 +10,10 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from enum import StrEnum
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 from sleepcast.core.clock import Clock
+from sleepcast.core.records import NamedTuple
 
 WINDOW = 1.0
 """Seconds over which rates are measured: long enough for a steady number, short enough to be current."""

@@ -12,11 +12,11 @@ from collections.abc import Mapping
 from enum import StrEnum
 from functools import cached_property, lru_cache
 from math import inf, isnan
-from typing import NamedTuple
 
 import msgspec
 
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.records import NamedTuple
 
 MAX_TEXT = 16_384
 """Characters of an expression: what the language reads at most."""

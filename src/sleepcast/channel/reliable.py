@@ -23,7 +23,7 @@ from heapq import heappop, heappush
 from itertools import count
 from math import inf
 from random import Random
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import msgspec
 
@@ -47,6 +47,7 @@ from sleepcast.channel.sequencer import (
     StreamId,
 )
 from sleepcast.core.clock import MADE
+from sleepcast.core.records import NamedTuple
 
 REPEATS = (0.03, 0.09, 0.21, 0.45)
 """Seconds after which a command is sent again, unasked: at 30 % loss two in a thousand receive none of the five."""

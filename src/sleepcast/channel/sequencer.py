@@ -12,13 +12,13 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from math import exp, inf, log1p, log2
 from random import Random
-from typing import NamedTuple
 
 import msgspec
 
 from sleepcast.channel.fair_table import FairTable
 from sleepcast.channel.message import Message, Predecessors
 from sleepcast.core.backoff import Backoff
+from sleepcast.core.records import NamedTuple
 
 MAX_STREAMS = 64
 """Streams (senders of commands, per epoch) that are kept in order; beyond, one of the key that has the most is dropped,

@@ -20,7 +20,7 @@ from heapq import heappop, heappush
 from itertools import count
 from math import inf, isinf, nan
 from random import Random
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import msgspec
 
@@ -48,6 +48,7 @@ from sleepcast.channel.reliable import LIFE, ReliableDelivery
 from sleepcast.channel.sequencer import Skipped
 from sleepcast.channel.transports.transport import Transport, listen_for
 from sleepcast.core.clock import Clock
+from sleepcast.core.records import NamedTuple
 
 MAX_SPREAD = 60.0
 """Seconds over which answers may be spread."""

@@ -10,13 +10,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from functools import wraps
 from math import nan
-from typing import Concatenate, NamedTuple, ParamSpec, TypeAlias, TypeVar
+from typing import Concatenate, ParamSpec, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.columns.neighbours import NeighbourLists
 from sleepcast.columns.values import Column, Columns, Index, Mask, Rows
+from sleepcast.core.records import NamedTuple
 from sleepcast.language.parts import Part
 from sleepcast.language.program import MAX_STEPS, Program
 from sleepcast.language.reader import show

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from math import nan
-from typing import NamedTuple
 
 import numpy as np
 
 from sleepcast.columns.values import Column, Index, Mask, Rows
 from sleepcast.core.neighbours import NearIds
+from sleepcast.core.records import NamedTuple
 
 MAX_PAIRS = 1 << 16
 """Pairs of robots and neighbours looked at together: a few columns of them stay in the processor's caches."""

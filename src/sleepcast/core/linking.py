@@ -15,9 +15,10 @@ from contextlib import suppress
 from functools import cache
 from struct import Struct
 from struct import error as TooShortError
-from typing import Any, NamedTuple
+from typing import Any
 
 from sleepcast.core.code_cache import target_machine
+from sleepcast.core.records import NamedTuple
 
 HEADER = Struct("<4sBBB9xHH20xQ10xHH2x")
 """Of a file: its mark, class, byte order and version, kind and processor, where its sections are described, the size of

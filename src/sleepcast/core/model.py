@@ -6,9 +6,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import field
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
-from sleepcast.core.records import dataclass
+from sleepcast.core.records import NamedTuple, dataclass
 from sleepcast.core.units import Dimension, dimension_of
 
 

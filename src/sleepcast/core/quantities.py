@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from math import inf, isfinite
-from typing import NamedTuple
 
 from sleepcast.core.errors import MisuseError, decimal_comma, did_you_mean
+from sleepcast.core.records import NamedTuple
 from sleepcast.core.units import NONE, TIME, UNITS, Dimension, to_si
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d++(?:\.\d*+)?+|\.\d++)(?:[eE][+-]?\d++)?)\s*([A-Za-z%][A-Za-z/0-9]*|)\s*")

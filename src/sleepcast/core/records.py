@@ -1,21 +1,50 @@
-"""`dataclass`, as Python's own, for what every start imports.
+"""`dataclass` and `NamedTuple`, as Python's own, for what every start imports.
 
-Python before 3.13 compiles each method of a data class by itself, half a millisecond for a class; a short run spent a
-tenth of its time on that. Here they are compiled together, as newer ones do it. What is unusual goes Python's own way.
+Python before 3.13 compiles each method of a data class by itself, and the type of each field of a named tuple, half a
+millisecond for a class; a short run spent a tenth of its time on that. Here classes of one form share what is compiled,
+and types of fields stay texts. What is unusual goes Python's own way.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import sys
+from collections import namedtuple
 from collections.abc import Callable
 from dataclasses import MISSING, Field, FrozenInstanceError
+from functools import cache
 from reprlib import recursive_repr
+from types import CodeType, FunctionType
 from typing import TYPE_CHECKING, Any
+
+RESERVED = frozenset({"__new__", "__init__", "__slots__", "__getnewargs__", "_fields", "_make", "_replace", "_asdict"})
+"""What a named tuple may not define otherwise."""
 
 if TYPE_CHECKING or sys.version_info >= (3, 13):
     from dataclasses import dataclass as dataclass
+    from typing import NamedTuple as NamedTuple
 else:
+
+    class _Naming(type):
+        """What makes a named tuple of a class that says it is one."""
+
+        def __new__(cls, name: str, bases: tuple[type, ...], own: dict[str, Any]) -> Any:
+            if not bases:
+                return super().__new__(cls, name, bases, own)
+            types = own.get("__annotations__", {})
+            defaults = [own[each] for each in types if each in own]
+            if any(each in own for each in list(types)[: len(types) - len(defaults)]) or len(bases) > 1:
+                raise TypeError(f"{name}: wanted fields without defaults first, and no other base")
+            made: Any = namedtuple(name, types, defaults=defaults, module=own["__module__"])
+            made.__annotations__ = made.__new__.__annotations__ = types
+            for each in own.keys() - types.keys() - {"__module__", "__annotations__"}:
+                if each in RESERVED:
+                    raise AttributeError(f"{name}: {each} is what makes it a named tuple")
+                setattr(made, each, own[each])
+            return made
+
+    class NamedTuple(metaclass=_Naming):
+        """As `typing.NamedTuple`, as a base."""
 
     def dataclass(
         cls: type | None = None, /, *, frozen: bool = False, slots: bool = False, eq: bool = True, **unusual: Any
@@ -49,45 +78,86 @@ def _made(cls: type, frozen: bool, slots: bool, eq: bool) -> Any:
     for name, method in methods.items():
         if name in hashed:
             continue
-        if method is not None:
-            method.__name__, method.__qualname__ = name, f"{made.__qualname__}.{name}"
-            method.__module__ = made.__module__
-        setattr(made, name, method)
+        setattr(made, name, method and _named(method, name, made))
     return made
 
 
-def _compiled(cls: type, fields: tuple[Field[Any], ...], frozen: bool, eq: bool) -> dict[str, Any]:
-    """What is called so often that it is compiled, all at once."""
+def _named(method: Any, name: str, cls: type) -> Any:
+    """A method of this name and this class."""
+    method.__name__, method.__qualname__, method.__module__ = name, f"{cls.__qualname__}.{name}", cls.__module__
+    return method
+
+
+def _compiled(cls: Any, fields: tuple[Field[Any], ...], frozen: bool, eq: bool) -> dict[str, Any]:
+    """What is called so often that it is compiled: `__init__` at once, of which people want to see what it takes; what
+    compares when it is called first, which for most classes is never."""
+    names = [each.name for each in fields if each.compare]
+    mine, its = (f"({' '.join(f'{of}._{number},' for number in range(len(names)))})" for of in ("self", "other"))
+
+    def same(self: Any, other: object) -> Any:
+        other_class = "if other.__class__ is not self.__class__: return NotImplemented"
+        return replaced("__eq__", f"def __eq__(self, other):\n {other_class}\n return {mine} == {its}")(self, other)
+
+    def hashed(self: Any) -> int:
+        number: int = replaced("__hash__", f"def __hash__(self):\n return hash({mine})")(self)
+        return number
+
+    def replaced(name: str, text: str) -> FunctionType:
+        method = _function(text, names, {})
+        setattr(cls, name, _named(method, name, cls))
+        return method
+
+    compared = {"__eq__": same, "__hash__": hashed if frozen else None}
+    return {"__init__": _beginning(fields, frozen, hasattr(cls, "__post_init__"))} | (compared if eq else {})
+
+
+def _beginning(fields: tuple[Field[Any], ...], frozen: bool, goes_on: bool) -> FunctionType:
+    """The `__init__` of a class. goes_on: whether it has a `__post_init__`."""
     known: dict[str, Any] = {"_set": object.__setattr__, "_absent": MISSING}
     plain, named, lines = ["self"], ["*"], list[str]()
+    defaults, of_named = list[Any](), dict[str, Any]()
     for number, each in enumerate(fields):
-        value, default = each.name, ""
+        value, default = f"_{number}", each.default
         if each.default_factory is not MISSING:
-            known[f"_new{number}"], default = each.default_factory, "=_absent"
-            value = f"_new{number}() if {each.name} is _absent else {each.name}" if each.init else f"_new{number}()"
-        elif each.default is not MISSING:
-            known[f"_default{number}"], default = each.default, f"=_default{number}"
-            value = each.name if each.init else f"_default{number}"
-        elif not each.init:
+            known[f"_new{number}"] = each.default_factory
+            value = f"_new{number}() if _{number} is _absent else _{number}" if each.init else f"_new{number}()"
+        elif not each.init and default is MISSING:
             continue
-        if each.init and "=" in plain[-1] and not (default or each.kw_only):
-            raise TypeError(f"non-default argument {each.name!r} follows default argument")
-        if each.init:
-            (named if each.kw_only else plain).append(each.name + default)
-        lines.append(f"_set(self, {each.name!r}, {value})" if frozen else f"self.{each.name} = {value}")
-    if hasattr(cls, "__post_init__"):
-        lines.append("self.__post_init__()")
-    text = f"def __init__({', '.join(plain + (named if len(named) > 1 else []))}):\n {'; '.join(lines or ['pass'])}\n"
-    if eq:
-        mine, its = (
-            f"({' '.join(f'{of}.{each.name},' for each in fields if each.compare)})" for of in ("self", "other")
-        )
-        text += "def __eq__(self, other):\n if other.__class__ is not self.__class__: return NotImplemented\n"
-        text += f" return {mine} == {its}\n"
-        text += f"def __hash__(self):\n return hash({mine})" if frozen else "__hash__ = None"
-    exec(text, known)
-    known["__init__"].__annotations__ = {each.name: each.type for each in fields if each.init} | {"return": None}
-    return {name: known[name] for name in ("__init__", *(("__eq__", "__hash__") if eq else ()))}
+        elif not each.init:
+            value = f"_fixed{number}"
+            known[value] = default
+        has_default = default is not MISSING or each.default_factory is not MISSING
+        if each.init and each.kw_only:
+            named.append(f"_{number}")
+            of_named |= {each.name: default} if has_default else {}
+        elif each.init:
+            plain.append(f"_{number}")
+            if defaults and not has_default:
+                raise TypeError(f"non-default argument {each.name!r} follows default argument")
+            defaults += [default] if has_default else []
+        lines.append(f"_set(self, '_{number}', {value})" if frozen else f"self._{number} = {value}")
+    lines += ["self.__post_init__()"] if goes_on else []
+    text = f"def __init__({', '.join(plain + (named if len(named) > 1 else []))}):\n {'; '.join(lines or ['pass'])}"
+    begin = _function(text, [each.name for each in fields], known)
+    begin.__defaults__, begin.__kwdefaults__ = tuple(defaults), of_named
+    begin.__annotations__ = {each.name: each.type for each in fields if each.init} | {"return": None}
+    return begin
+
+
+def _function(text: str, names: list[str], known: dict[str, Any]) -> FunctionType:
+    """The function that a text defines, with these names for `_0`, `_1` and so on. The text says only how many there
+    are and what is done with them, so that classes of one form share what was compiled. known: what else it names."""
+    code, named = _code(text), {f"_{number}": name for number, name in enumerate(names)}
+    variables, attributes, constants = (
+        tuple(named.get(each, each) for each in some) for some in (code.co_varnames, code.co_names, code.co_consts)
+    )
+    return FunctionType(code.replace(co_varnames=variables, co_names=attributes, co_consts=constants), known)
+
+
+@cache
+def _code(text: str) -> CodeType:
+    """The code of the only function in a text."""
+    return next(each for each in compile(text, "<string>", "exec").co_consts if isinstance(each, CodeType))
 
 
 def _repr(names: list[str]) -> Callable[[Any], str]:

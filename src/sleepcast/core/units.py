@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from typing import NamedTuple
+
+from sleepcast.core.records import NamedTuple
 
 
 class Dimension(NamedTuple):

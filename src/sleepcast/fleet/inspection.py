@@ -21,7 +21,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import field
 from math import isnan, nan
-from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -35,7 +34,7 @@ from sleepcast.columns.telemetry import BulkTelemetry, Key, KnownSymbols
 from sleepcast.columns.values import Column, Index, Mask, Moves, Rows, ValueColumns, distinct
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import RestState
-from sleepcast.core.records import dataclass
+from sleepcast.core.records import NamedTuple, dataclass
 from sleepcast.core.serial import Array
 from sleepcast.fleet.bodies import FleetBodies
 from sleepcast.fleet.evaluation import FleetEvaluation

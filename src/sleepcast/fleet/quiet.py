@@ -7,9 +7,8 @@ functions are to be called in a tick, with which tables; and it notes afterwards
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 from sleepcast.core.memory import same
+from sleepcast.core.records import NamedTuple
 from sleepcast.fleet.evaluation import RuleStatistics
 from sleepcast.fleet.fleet import Fleet
 from sleepcast.fleet.native.compiler import Kernel

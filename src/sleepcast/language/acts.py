@@ -6,8 +6,8 @@ How a memory does it is the memory's own (`node/memory.py`, `fleet/memory.py`).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
 
+from sleepcast.core.records import NamedTuple
 from sleepcast.language.vocabulary import FROZEN, MARKED, SLEEPING
 
 

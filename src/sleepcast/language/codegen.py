@@ -11,8 +11,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from math import inf, nan, sqrt
-from typing import NamedTuple
 
+from sleepcast.core.records import NamedTuple
 from sleepcast.language.evaluate import apply, between, enter, gauss, prob, reduced
 from sleepcast.language.functions import AMONG_ROBOTS
 from sleepcast.language.parts import Part

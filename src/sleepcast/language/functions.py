@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
+from sleepcast.core.records import NamedTuple
 from sleepcast.language.numerics import angle
 
 MANY = 100

@@ -13,19 +13,22 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Sequence
 from math import nan
-from typing import NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 from weakref import ref
 
 from sleepcast.core.errors import SleepcastError
+from sleepcast.core.records import NamedTuple
 from sleepcast.language import special_forms
 from sleepcast.language.checker import MAX_COST, Checker, CheckError, cost
-from sleepcast.language.codegen import Code, generate
 from sleepcast.language.evaluate import Memory, Walker
 from sleepcast.language.parts import CHANCY, Part, acts, deciding, is_acting, walk
 from sleepcast.language.reader import Form, height, read_all
 from sleepcast.language.remembering import REMEMBERS, written_out
 from sleepcast.language.symbols import Group, Names, Operator, Stored, reaches, uses_in
 from sleepcast.language.vocabulary import Vocabulary
+
+if TYPE_CHECKING:
+    from sleepcast.language.codegen import Code
 
 MAX_STEPS = MAX_COST
 """Steps of one evaluation, all buffers and operators it enters included: about two milliseconds of a slow computer."""
@@ -107,6 +110,8 @@ class Program:
     def compile(self) -> Code:
         """The program's Python code, generated now if it was not before."""
         if self.code is None:
+            from sleepcast.language.codegen import generate  # most commands are done before anything is worth it
+
             self.code = generate(self.root, self.parameters)
         return self.code
 

@@ -14,9 +14,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
-from typing import NamedTuple
 
 from sleepcast.core.errors import MisuseError, did_you_mean, placed, printable, with_caret
+from sleepcast.core.records import NamedTuple
 from sleepcast.core.units import UNITS, Dimension, to_si
 
 # ---- forms

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from math import nan
-from typing import NamedTuple
 
+from sleepcast.core.records import NamedTuple
 from sleepcast.language.acts import FLAGS
 from sleepcast.language.evaluate import Entered
 from sleepcast.language.parts import Label, Part, Storing

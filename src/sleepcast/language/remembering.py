@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import NamedTuple
 
+from sleepcast.core.records import NamedTuple
 from sleepcast.language.reader import QUASIQUOTE, QUOTE, Form, List, Number, Symbol, read, walk
 from sleepcast.language.vocabulary import rule_key
 

@@ -31,7 +31,6 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from enum import StrEnum
 from math import inf
-from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import msgspec
@@ -59,6 +58,7 @@ from sleepcast.channel.message import (
 )
 from sleepcast.core.errors import MisuseError, decimal_comma
 from sleepcast.core.quantities import QuantityError, in_si
+from sleepcast.core.records import NamedTuple
 from sleepcast.core.units import TIME
 from sleepcast.language.functions import PRIORITY
 from sleepcast.language.parts import auction_of, label_of, ranked, rules, walk

@@ -11,12 +11,13 @@ import threading
 from collections.abc import Callable
 from functools import lru_cache
 from math import cos, frexp, ldexp, pi, sin, sqrt
-from typing import NamedTuple, TypeAlias, TypeVar
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.arrays import LINE, Arena
+from sleepcast.core.records import NamedTuple
 from sleepcast.core.threads import FEW, SIZES, ThreadPool, borders
 from sleepcast.simulator.laser.beams import ROUGH, SLACK, BeamScene, far_of
 from sleepcast.simulator.motion.driving import Laws

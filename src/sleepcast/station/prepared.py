@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 from math import inf
-from typing import NamedTuple
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.core.records import NamedTuple
 from sleepcast.language import Checked
 from sleepcast.language.parts import auction_of, irreversible, walk
 from sleepcast.language.program import Program

@@ -20,7 +20,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import groupby, islice
 from math import inf, nan
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import msgspec
 
@@ -30,6 +30,7 @@ from sleepcast.columns.telemetry import KnownSymbols, Undecided
 from sleepcast.core.backoff import Backoff
 from sleepcast.core.errors import SleepcastError, listed, printable
 from sleepcast.core.model import RestState
+from sleepcast.core.records import NamedTuple
 from sleepcast.language import Checked
 from sleepcast.language.explain import Explanation, with_units
 from sleepcast.language.functions import FUNCTIONS

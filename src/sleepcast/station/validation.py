@@ -16,7 +16,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from functools import cached_property
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import msgspec
 import numpy as np
@@ -27,6 +27,7 @@ from sleepcast.channel.message_batch import NameIndex
 from sleepcast.columns.telemetry import BulkTelemetry, Key, KnownSymbols, TelemetryTable
 from sleepcast.columns.values import Mask, Rows, ValueColumns
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.records import NamedTuple
 from sleepcast.language import Checked, check
 from sleepcast.language.evaluate import is_true
 from sleepcast.language.explain import Explanation

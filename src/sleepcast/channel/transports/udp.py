@@ -18,7 +18,6 @@ import sys
 from collections.abc import Iterable
 from contextlib import ExitStack
 from ipaddress import IPv4Address, IPv6Address, ip_address
-from typing import NamedTuple
 
 import msgspec
 
@@ -29,6 +28,7 @@ from sleepcast.channel.transports.bpf_filter import drop_kinds, keep_kinds
 from sleepcast.channel.transports.transport import AddressedDatagram
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError, did_you_mean
+from sleepcast.core.records import NamedTuple
 
 _MAX_AT_ONCE = 2_048
 """Datagrams received in one call: a flood costs a tick a few milliseconds."""

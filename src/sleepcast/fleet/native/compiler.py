@@ -20,7 +20,7 @@ from hashlib import sha256
 from operator import is_
 from pathlib import Path
 from threading import Lock
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,7 @@ from sleepcast.core.code_cache import CodeCache, processor, target_machine, vers
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.linking import LinkedCode
 from sleepcast.core.model import BodyColumn, HostFunction, NativeCall
-from sleepcast.core.records import dataclass
+from sleepcast.core.records import NamedTuple, dataclass
 from sleepcast.core.threads import ThreadPool, borders
 from sleepcast.fleet.native import libm
 from sleepcast.fleet.native.assembly import Assembly

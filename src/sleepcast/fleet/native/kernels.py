@@ -12,7 +12,7 @@ import importlib.util
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import cache, cached_property, partial
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from sleepcast.columns.values import Column, Rows
 from sleepcast.core.arrays import filled
+from sleepcast.core.records import NamedTuple
 from sleepcast.core.threads import ThreadPool
 from sleepcast.fleet.bodies import ManyBodies
 from sleepcast.fleet.evaluation import FleetEvaluation

@@ -17,7 +17,6 @@ from functools import partial
 from hashlib import sha256
 from math import pi
 from operator import attrgetter
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +25,7 @@ from sleepcast.core.arrays import count_up, filled
 from sleepcast.core.counter_rng import GOLDEN, key, mix, uniform
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.model import Quantity
+from sleepcast.core.records import NamedTuple
 from sleepcast.simulator.bodies.line_of_sight import LineOfSight
 from sleepcast.simulator.bodies.proximity import Bumpers, Neighbours, SonarGroups, Sonars, StartError, least_cell, reach
 from sleepcast.simulator.bodies.scanner import Scanner

@@ -13,7 +13,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from math import ceil, inf
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +22,7 @@ from sleepcast.core.angles import CANCELLED
 from sleepcast.core.counter_rng import GOLDEN, key, mix, uniform
 from sleepcast.core.model import BodyColumn, HostFunction, NativeCall, Writing
 from sleepcast.core.neighbours import SHOWN, nearest_id
+from sleepcast.core.records import NamedTuple
 from sleepcast.core.units import LENGTH, NONE, UNITS, Dimension, is_angle
 from sleepcast.simulator.bodies.bodies import Bodies, Flags, Floats
 from sleepcast.simulator.bodies.body import Body, BodySenses, acting

@@ -8,11 +8,11 @@ is the centre's path length times sin(h) / h, with h half the turn. This is exac
 from __future__ import annotations
 
 from math import inf, pi, sqrt
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.core.records import NamedTuple
 from sleepcast.simulator.scenario.robot_settings import Wheels
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.simd.formulas import arc_tangent, either, shortest, sine_cosine, wrap

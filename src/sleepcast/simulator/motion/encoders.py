@@ -10,10 +10,9 @@ all of them, so that they agree to the last bit.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
+from sleepcast.core.records import NamedTuple
 from sleepcast.simulator.motion.driving import Laws, arc
 from sleepcast.simulator.motion.steps import BodyColumns
 from sleepcast.simulator.simd.formulas import wrap

@@ -12,12 +12,11 @@ bit-identical.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.counter_rng import GOLDEN, mix
+from sleepcast.core.records import NamedTuple
 from sleepcast.simulator.motion.driving import (
     DRIVE,
     GOTO,

@@ -9,12 +9,12 @@ into one number.
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.counter_rng import key
+from sleepcast.core.records import NamedTuple
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.signals import NeighbourModel
 from sleepcast.simulator.simd.formulas import LANES, square_within

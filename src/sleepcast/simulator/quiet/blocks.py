@@ -15,13 +15,14 @@ from collections.abc import Collection, Mapping, Sequence
 from functools import cache
 from itertools import pairwise
 from math import frexp, ldexp
-from typing import NamedTuple, TypeAlias, cast
+from typing import TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.arrays import LINE, Arena
 from sleepcast.core.memory import same
+from sleepcast.core.records import NamedTuple
 from sleepcast.core.threads import ThreadPool, borders
 from sleepcast.simulator import fast
 from sleepcast.simulator.bodies.proximity import Sonars

@@ -26,11 +26,11 @@ from functools import lru_cache
 from math import isfinite
 from pathlib import Path
 from textwrap import dedent, indent
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Literal, TypeAlias
 
 from sleepcast.channel.message import LeaseAction
 from sleepcast.core.errors import MisuseError, decimal_comma
-from sleepcast.core.records import dataclass
+from sleepcast.core.records import NamedTuple, dataclass
 from sleepcast.core.settings import SettingsError, read_text
 from sleepcast.core.ticks import tick_at
 from sleepcast.core.units import TIME, UNITS, to_si

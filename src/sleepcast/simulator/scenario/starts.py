@@ -15,7 +15,6 @@ from collections.abc import Iterable, Sequence
 from io import StringIO
 from math import ceil, nan, pi, sqrt
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +22,7 @@ from numpy.typing import NDArray
 from sleepcast.channel.message import MAX_NAME, is_robot_name
 from sleepcast.core.errors import decimal_comma, did_you_mean
 from sleepcast.core.quantities import shown_value
-from sleepcast.core.records import dataclass
+from sleepcast.core.records import NamedTuple, dataclass
 from sleepcast.core.settings import Document, SettingsError, Table, read_text
 from sleepcast.core.units import LENGTH, UNITS
 from sleepcast.simulator.simd.formulas import rotated, sine_cosine

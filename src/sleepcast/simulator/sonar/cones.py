@@ -14,12 +14,11 @@ from __future__ import annotations
 
 from functools import lru_cache
 from math import cos, hypot, inf, pi, sin, tan
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.core.records import dataclass
+from sleepcast.core.records import NamedTuple, dataclass
 from sleepcast.simulator.simd.formulas import sine_cosine
 from sleepcast.simulator.world.grid import CellLists, Floats, Grid, Sorted, Whole, nearest_point, pairs, spread
 from sleepcast.simulator.world.walls import Walls

@@ -21,12 +21,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from math import ceil, pi
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.counter_rng import key, uniform
+from sleepcast.core.records import NamedTuple
 from sleepcast.simulator.scenario.robot_settings import CrosstalkModel, Ring
 from sleepcast.simulator.sonar.cones import Ranges
 from sleepcast.simulator.world.grid import Floats, Grid, Whole, pairs, sort, spread

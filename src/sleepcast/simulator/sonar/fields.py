@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import cos, pi, sin, tan
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.arrays import Arena
+from sleepcast.core.records import NamedTuple
 from sleepcast.simulator.simd.cached import CachedKernels
 from sleepcast.simulator.simd.formulas import LANES, sine_cosine
 from sleepcast.simulator.sonar.cones import Cones, Ranges, VisibleScene

@@ -8,12 +8,12 @@ has the compiled version of `fire`, bit-identical.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.records import NamedTuple
 from sleepcast.simulator.scenario.robot_settings import MAX_ORDER, MAX_PAUSE, Ring
 from sleepcast.simulator.sonar.cones import Ranges, VisibleScene
 from sleepcast.simulator.sonar.crosstalk import QUICKEST, SOUND

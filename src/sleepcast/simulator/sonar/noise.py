@@ -8,13 +8,12 @@ integer arithmetic up to the last step. `kernels` has the fast version.
 from __future__ import annotations
 
 from math import sqrt
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.counter_rng import GOLDEN, mix
-from sleepcast.core.records import dataclass
+from sleepcast.core.records import NamedTuple, dataclass
 from sleepcast.simulator.world.grid import Floats, Whole
 
 QUARTER = 65_536

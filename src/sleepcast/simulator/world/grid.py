@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from dataclasses import field
 from math import ceil, sqrt
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.core.records import dataclass
+from sleepcast.core.records import NamedTuple, dataclass
 
 Floats = NDArray[np.float64]
 Whole = NDArray[np.int64]

@@ -8,11 +8,10 @@ near an edge. They lie in a strip around the world, which the cells cover as wel
 from __future__ import annotations
 
 from math import inf
-from typing import NamedTuple
 
 import numpy as np
 
-from sleepcast.core.records import dataclass
+from sleepcast.core.records import NamedTuple, dataclass
 from sleepcast.simulator.world.grid import Floats, Grid, Whole, grid_over
 
 Around = tuple[float, float]

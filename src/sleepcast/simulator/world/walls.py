@@ -3,11 +3,10 @@ direction and by line, two pieces of one line at a time, so that what pieces hav
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.core.records import NamedTuple
 from sleepcast.simulator.world.grid import AT_ONCE, CellLists, Floats, Short, Whole
 
 SAME_LINE, NEW_LINE, NEW_DIRECTION, ROUND = 0, 1, 2, 3

@@ -9,11 +9,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sized
 from contextlib import contextmanager
 from enum import StrEnum
 from types import MappingProxyType
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import msgspec
 
 from sleepcast.core.errors import SleepcastError
+from sleepcast.core.records import NamedTuple
 
 MAX_ENTRIES = 200_000
 """Entries that a journal in memory keeps: the answers of 1,000 robots to 200 commands; the oldest go first."""

@@ -228,14 +228,44 @@ def test_nobody_looks_for_garbage_at_the_end() -> None:
     assert (done.stdout, done.stderr) == ("3\nTrue\n", "")
 
 
+THREADS = """
+import atexit, sys, threading
+from concurrent.futures import ThreadPoolExecutor
+from sleepcast.__main__ import run
+
+class Left:
+    def __del__(self):
+        print("taken apart")
+
+def work():
+    threading.main_thread().join()
+    print("worked")
+
+left, pool = Left(), ThreadPoolExecutor(1)
+pool.submit(int).result()
+threading.Thread(target=work).start()
+atexit.register(print, "told")
+sys.argv[1:] = ["eval", "(+ 1 2)"]
+run()
+"""
+
+
+def test_threads_that_work_are_waited_for_and_nothing_is_taken_apart() -> None:
+    """A run has a thread that compiles, and that has nothing to do at the end."""
+    done = subprocess.run([sys.executable, "-c", THREADS], capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr, done.returncode) == ("3\nworked\ntold\n", "", 0)
+
+
 HEADLESS = """
 import sys
 import sleepcast.cli.headless
 heavy = {"nacl", "cbor2", "rich", "prompt_toolkit", "starlette", "uvicorn", "mcap", "numba", "llvmlite"}
 print(sorted(heavy & sys.modules.keys()), [name for name in sys.modules if name.startswith("sleepcast.node")])
+later = {"loop.snapshots", "fleet.snapshot", "simulator.snapshot", "language.codegen", "simulator.world.ros_map"}
+print(sorted(name for name in later if f"sleepcast.{name}" in sys.modules))
 """
 
 
 def test_a_run_without_a_page_loads_neither_nodes_nor_what_others_need() -> None:
     done = subprocess.run([sys.executable, "-c", HEADLESS], capture_output=True, text=True, check=False)
-    assert (done.stdout, done.stderr) == ("[] []\n", "")
+    assert (done.stdout, done.stderr) == ("[] []\n[]\n", "")

@@ -10,7 +10,6 @@ from typing import cast
 from sleepcast.api.progress import counting
 from sleepcast.language import Vocabulary
 from sleepcast.loop import Swarm, step_swarm, vocabulary_of
-from sleepcast.loop import resume as resume_swarm
 from sleepcast.robot import RobotModel
 from sleepcast.simulator import (
     KERNELS,
@@ -102,7 +101,9 @@ def assemble_from(
     journal: None is one in memory.
     name: of the snapshot, for errors.
     """
-    swarm = resume_swarm(snapshot, seed=seed, threads=threads, desk=partial(station_of, journal=journal), name=name)
+    from sleepcast.loop import resume
+
+    swarm = resume(snapshot, seed=seed, threads=threads, desk=partial(station_of, journal=journal), name=name)
     return swarm, cast(Station, swarm.desk)
 
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections import OrderedDict, deque
 from collections.abc import Callable, Sequence
 from math import inf
-from secrets import token_bytes
+from os import urandom
 
 from sleepcast.channel.fair_table import FairTable
 from sleepcast.channel.message import TIME, Message
@@ -176,7 +176,7 @@ class TimeRequest:
 
     def question(self, now: float) -> dict[str, object]:
         """The body of a new request; answers to older ones are ignored from now on."""
-        self.nonce = token_bytes(NONCE_BYTES)
+        self.nonce = urandom(NONCE_BYTES)
         self._asked, self.due = now, now + self._pauses.take()
         return {TIME: self.nonce}
 

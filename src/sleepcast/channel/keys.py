@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field, replace
 from hashlib import sha256
-from secrets import token_bytes
+from os import urandom
 from types import MappingProxyType
 
 from nacl.bindings import crypto_sign, crypto_sign_BYTES, crypto_sign_open, crypto_sign_seed_keypair
@@ -113,7 +113,7 @@ class KeyPair:
     @staticmethod
     def new(owner: str, role: Role) -> KeyPair:
         """A new random key."""
-        return KeyPair(owner, role, token_bytes(_SEED_BYTES))
+        return KeyPair(owner, role, urandom(_SEED_BYTES))
 
     def sign(self, content: bytes) -> bytes:
         """The signature of `content`, 64 bytes."""

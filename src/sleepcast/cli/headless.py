@@ -16,9 +16,7 @@ from sleepcast.cli.streams import complain
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.records import dataclass
 from sleepcast.core.ticks import nearest_ticks
-from sleepcast.loop import Swarm, save
-from sleepcast.loop import snapshot as snapshot_of
-from sleepcast.loop.snapshots import SnapshotLostError
+from sleepcast.loop import Swarm
 from sleepcast.simulator.scenario.mission import after_end
 from sleepcast.station import Command, Station
 
@@ -212,8 +210,11 @@ class SnapshotPlan:
 
     def take(self, swarm: Swarm) -> bool:
         """Take it; gives whether that was done. Prints on standard error why not."""
+        from sleepcast.loop import save, snapshot
+        from sleepcast.loop.snapshots import SnapshotLostError
+
         try:
-            save(snapshot_of(swarm), self.file)
+            save(snapshot(swarm), self.file)
         except SnapshotLostError as error:
             complain(str(error))
             return False

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Iterator
 from math import isfinite
@@ -19,7 +18,8 @@ from sleepcast.core.units import TIME
 
 if TYPE_CHECKING:
     from sleepcast.api.recording import RecordingPlan
-    from sleepcast.cli.headless import SnapshotPlan
+    from sleepcast.cli.headless import FinishedRun, SnapshotPlan
+    from sleepcast.experiments.acceptance import AcceptanceResult
     from sleepcast.loop import Swarm
     from sleepcast.simulator import Changes
     from sleepcast.station import Journal, Station
@@ -205,8 +205,18 @@ def _run_test(place: Path, headless: bool, options: Options) -> int:
         test = read_test(place)
         with closing(steps(test.ticks, test.name, quiet=options["quiet"])) as ticks:
             verdict = run_test(test, threads=options["threads"], ticks=_checked(ticks, interrupts))
-    put(json.dumps(verdict.to_dict()) if options["as_json"] else verdict.to_text())
+    _say(verdict, options)
     return int(not verdict.passed)
+
+
+def _say(outcome: AcceptanceResult | FinishedRun, options: Options) -> None:
+    """Print what came of a run."""
+    if options["as_json"]:
+        import json
+
+        put(json.dumps(outcome.to_dict()))
+    else:
+        put(outcome.to_text())
 
 
 def _checked(ticks: Iterator[int], interrupts: Interrupts) -> Iterator[int]:
@@ -232,7 +242,7 @@ def _start(name: str | None, headless: bool, options: Options) -> int:
 
         begin, seconds, quiet = _beginning(name, options), options["seconds"], options["quiet"]
         finished = run_headless(interrupts, begin, seconds, quiet=quiet, recording=recording, snapshot=snapshot)
-        put(json.dumps(finished.to_dict()) if options["as_json"] else finished.to_text())
+        _say(finished, options)
         return int(finished.broken or bool(finished.missed()))
 
 
@@ -289,7 +299,6 @@ def _beginning(name: str | None, options: Options) -> Callable[[], tuple[Swarm, 
     """What assembles the swarm of a headless run: of a scenario from its start, with its own orders, or from a
     snapshot, with those that are left in it. It warms up before."""
     from sleepcast.api.assembly import assemble, assemble_from, warm_up
-    from sleepcast.loop import load
 
     _check_beginning(name, options)
     seed, threads, file = options["seed"], options["threads"], options["from_"]
@@ -309,6 +318,8 @@ def _beginning(name: str | None, options: Options) -> Callable[[], tuple[Swarm, 
     assert file is not None
 
     def go_on() -> tuple[Swarm, Station]:
+        from sleepcast.loop import load
+
         swarm, station = assemble_from(load(file), seed, threads, journal, name=str(file))
         warm_up(swarm.simulator.scenario, threads, quiet=options["quiet"])
         return swarm, station

@@ -7,7 +7,6 @@ works only where a package index has sleepcast.
 from __future__ import annotations
 
 import re
-import shlex
 import sys
 from pathlib import Path
 
@@ -17,6 +16,8 @@ CLONE = Path(__file__).resolve().parents[3]
 
 def installing(extra: str) -> str:
     """The command that installs an extra of pyproject.toml for this Python."""
+    import shlex  # of use only where something is missing
+
     if (CLONE / "go.py").is_file() and Path(sys.prefix).resolve() == CLONE / ".venv":  # which go.py has made
         go = "go.py" if Path.cwd() == CLONE else shlex.quote(str(CLONE / "go.py"))
         return f"python3 {go} with {extra}"

@@ -12,6 +12,8 @@ simulation the simulator itself; `snapshot` saves and resumes it, `recording` wr
 Each imports only what stands above it; tests/test_layout.py checks that.
 """
 
+import numpy as np  # noqa: F401 - first: deep down in imports of imports, its own take Python twice as long
+
 from sleepcast.core.settings import SettingsError
 from sleepcast.simulator.bodies.bodies import Bodies, Saying
 from sleepcast.simulator.bodies.body import Body

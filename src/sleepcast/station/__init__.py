@@ -1,5 +1,7 @@
 """An operator's station, without a page: check, preview, send, stop, and a truthful account of each command."""
 
+import numpy as np  # noqa: F401 - first: deep down in imports of imports, its own take Python twice as long
+
 from sleepcast.station.account import Account
 from sleepcast.station.journal.journal import Journal, JournalEntry, JournalEvent, MemoryJournal, Report
 from sleepcast.station.roster import UnknownRobotError

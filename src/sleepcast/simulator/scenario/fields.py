@@ -19,7 +19,6 @@ from sleepcast.core.settings import SettingsError, Table, checked_name
 from sleepcast.core.units import LENGTH, NONE, UNITS, Dimension
 from sleepcast.simulator.scenario.robot_settings import LEAST, MAX_WORLD
 from sleepcast.simulator.scenario.signals import refuse_sight
-from sleepcast.simulator.world.ros_map import picture
 from sleepcast.simulator.world.world import Area, Circle
 
 MAX_FIELDS = 8
@@ -253,6 +252,8 @@ def _shape(zone: Table, size: tuple[float, float]) -> Circle | Area:
 
 
 def _picture(table: Table, low: float, high: float) -> Picture:
+    from sleepcast.simulator.world.ros_map import picture
+
     path = table.file("file")
     channels, white, colours = picture(path)
     rows, columns, _ = channels.shape

@@ -16,8 +16,6 @@ from sleepcast.core.settings import Table
 from sleepcast.core.units import LENGTH
 from sleepcast.simulator.scenario.robot_settings import LEAST, MAX_ROBOTS, MAX_WORLD
 from sleepcast.simulator.world.map_picture import MapPicture
-from sleepcast.simulator.world.maze import maze
-from sleepcast.simulator.world.ros_map import read_map
 from sleepcast.simulator.world.world import MAX_NAME, Circle, Point, Polygon, Shape, Wall, boundary, rooms, rows_of
 
 MAX_SHAPES = 10_000
@@ -194,6 +192,8 @@ def _from_files(world: Table) -> list[_Taken]:
     """The shapes that [world.map] and [world.drawing] take from other files."""
     contents = []
     if world.has("map"):
+        from sleepcast.simulator.world.ros_map import read_map
+
         with world.table_or_text("map", "file") as each:
             path = each.file("file")
             at = each.point("zero", (-MAX_WORLD, -MAX_WORLD), (MAX_WORLD, MAX_WORLD)) if each.has("zero") else None
@@ -229,6 +229,8 @@ def _parted(table: Table, size: tuple[float, float], seed: int) -> tuple[list[Wa
             with table.answering("rooms"):
                 walls += rooms(*size, room, door)
     if table.has("maze"):
+        from sleepcast.simulator.world.maze import maze
+
         with table.table("maze") as each:
             cell = each.number("cell", LENGTH, low=0.1, high=MAX_WORLD)
             loops = each.number("loops", default=0.0, low=0.0, high=1.0)

@@ -12,7 +12,6 @@ import numpy as np
 
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.records import dataclass
-from sleepcast.simulator.world.ros_map import picture
 
 MAX_PNG = 4_194_304
 """Bytes of the PNG: real maps have a hundredth of it. A larger picture is made smaller."""
@@ -36,6 +35,8 @@ class MapPicture:
     def png(self) -> bytes:
         """The image as a PNG of at most MAX_PNG bytes. Raises SettingsError if it cannot be read, MisuseError if a
         library is missing or no picture of it is as small as that."""
+        from sleepcast.simulator.world.ros_map import picture
+
         values, white, _ = picture(self.file)
         from PIL import Image
 

@@ -55,6 +55,11 @@ def test_the_four_robots_of_the_least_cost_obey_and_the_account_says_who_did_not
     assert status.outbid() == {"r1": chosen, "r6": chosen}
     assert "6 bids; chosen r3 (0.2), r4 (0.8), r2 (1.2), r5 (1.8)" in account.sentence()
     assert account.to_dict()["auction"] == status.to_dict()
+    assert desk.answered(sent) < sent.message.issued + 2.0, "nobody waits for more when all have been chosen"
+    later = desk.send("(BEST 4 x TRUE (JOIN red))", deadline=3600.0, confirmed=True)
+    assert desk.answered(later) == later.message.deadline
+    scene.run(3.0)
+    assert desk.answered(later) < later.message.issued + 2.0
 
 
 def test_of_equal_costs_the_smaller_names_obey() -> None:

@@ -299,7 +299,8 @@ class Auctioneer:
         self._obeyed: dict[str, None] = {}
         self._chose = False
         self._changed = self.window_ends
-        self._closed = inf
+        self.closed = inf
+        """Since when nobody else is chosen, s."""
         self._pace, self._next = beat_of(auction.lease), began
 
     def hear(self, name: str, life: int, said: BidMessage, now: float) -> None:
@@ -343,7 +344,7 @@ class Auctioneer:
 
     def is_over(self, now: float) -> bool:
         """Whether there is nothing left to be said."""
-        return self.ended or (not self._places and now >= self._closed + CLOSING)
+        return self.ended or (not self._places and now >= self.closed + CLOSING)
 
     def due(self, now: float) -> float:
         """When to `step` next, s."""
@@ -374,7 +375,7 @@ class Auctioneer:
             self._close(now)
 
     def _close(self, now: float) -> None:
-        self.is_open, self._closed = False, now
+        self.is_open, self.closed = False, now
 
     @property
     def _is_settled(self) -> bool:

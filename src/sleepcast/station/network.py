@@ -491,7 +491,9 @@ class NetworkStation(Station):
         """Wait until all robots have answered, or the time for answers and `patience` s more are over, or that time is
         over and the roster is empty."""
         pace = self._pace(command)
-        self.wait_until(lambda: not self.awaits(command), self.answered(command) + patience, pace, pace)
+        self.wait_until(
+            lambda: not self.awaits(command) or self.listened >= self.answered(command) + patience, inf, pace, pace
+        )
 
     def settle(self, command: Command, patience: float) -> None:
         """Gather what robots of the same names have to say as well: a name may have answered before another robot that
@@ -510,10 +512,12 @@ class NetworkStation(Station):
         return command.n_silent > 0 or not (command.size or command.addressed)
 
     def answered(self, command: Command) -> float:
-        """When the time for answers to a command is over, s of Unix time."""
-        if command.auctioneer is not None:
-            return command.message.deadline
-        return command.message.issued + self._within(max(command.size, command.addressed))
+        """When the time for answers to a command is over, s of Unix time: of one that chooses among robots once nobody
+        else is chosen, at its deadline until then."""
+        message, within = command.message, self._within(max(command.size, command.addressed))
+        if command.auctioneer is None:
+            return message.issued + within
+        return min(command.auctioneer.closed + within, message.deadline)
 
     def due(self) -> float:
         """When there is something to be sent again, or a heartbeat, s of Unix time."""

@@ -318,7 +318,19 @@ def test_an_explanation_shows_what_was_seen() -> None:
         assert re.search(r"deg +\(SCAN-GAP -90deg 90deg 0m\)\n", why), why
 
 
-def test_the_board_of_a_far_desk_knows_their_arguments() -> None:
+def test_names_of_the_scenario_come_first() -> None:
+    swarm = Swarm(Simulator(scenario(("red = 3", "red = 3\nsees = 5")), 3))
+    (found,) = swarm.fleet.evaluate("(+ sees red)", [0])
+    assert found.values.tolist() == [8.0]
+    (error,) = check("(SEES 3 0 1)", FreshNames(swarm.vocabulary)).errors
+    assert error.message == "SEES at 1:2 is a constant, not a function: its name alone gives its value"
+    area = ("[neighbours]", '[areas.sees]\ncenter = ["5m", "5m"]\nradius = "30m"\n[neighbours]')
+    swarm = Swarm(Simulator(scenario(area), 3))
+    (found,) = swarm.fleet.evaluate("(INSIDE sees)", [0])
+    assert found.values.tolist() == [1.0]
+
+
+def test_a_far_desk_knows_their_arguments() -> None:
     far = read_vocabulary(vocabulary_text(Swarm(world()).vocabulary))
     assert check("(SCAN-MIN 0deg 90deg)", FreshNames(far)).unit == "m"
     (error,) = check("(SEES 1m 0 1)", FreshNames(far)).findings

@@ -263,6 +263,7 @@ MOMENTS = {
     "bravo": 120.0,
     "election": 20.0,
     "explore": 50.0,
+    "follow-the-gap": 30.0,
     "formations": 115.0,
     "leave-room": 15.0,
     "line-sweep": 200.0,

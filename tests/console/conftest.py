@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Playwright, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, sync_playwright
 
 from console.running import PATIENCE, Page, Program, open_page
 from small_worlds import write
@@ -50,22 +51,30 @@ def page(program: Program) -> Iterator[Page]:
         yield found
 
 
-@pytest.fixture(scope="module")
-def playwright() -> Iterator[Playwright]:
-    """For one module: while it is up, its event loop runs in this thread and no other test may start one."""
-    with sync_playwright() as started:
-        yield started
-
-
-@pytest.fixture(scope="module")
-def chromium(playwright: Playwright) -> Iterator[Browser]:
-    """The system's Chromium. Without one these tests are skipped, but never where CI must run them."""
+@pytest.fixture(scope="session")
+def kept_chromium() -> Iterator[tuple[Browser, asyncio.AbstractEventLoop]]:
+    """The system's Chromium, one for all test files of this process, and Playwright's event loop. Without one these
+    tests are skipped, but never where CI must run them."""
     if CHROMIUM is None:
         if os.environ.get("CI"):
             pytest.fail("CI has no Chromium, so nobody has seen the page: install chromium")
         pytest.skip("there is no Chromium here: install chromium to test the page")
-    with playwright.chromium.launch(executable_path=CHROMIUM, args=QUIET, timeout=1000 * PATIENCE) as browser:
-        yield browser
+    with sync_playwright() as playwright:
+        loop = asyncio.get_running_loop()
+        with playwright.chromium.launch(executable_path=CHROMIUM, args=QUIET, timeout=1000 * PATIENCE) as browser:
+            asyncio._set_running_loop(None)
+            yield browser, loop
+            asyncio._set_running_loop(loop)
+
+
+@pytest.fixture(scope="module")
+def chromium(kept_chromium: tuple[Browser, asyncio.AbstractEventLoop]) -> Iterator[Browser]:
+    """It counts as running for one module only: Playwright's event loop is in this thread, where no other test could
+    start one."""
+    browser, loop = kept_chromium
+    asyncio._set_running_loop(loop)
+    yield browser
+    asyncio._set_running_loop(None)
 
 
 @pytest.fixture

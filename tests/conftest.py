@@ -29,7 +29,7 @@ pytest.register_assert_rewrite("channel_contract", "sleepcast.testing.robot_cont
 
 BUSY = [HealthCheck.too_slow]
 settings.register_profile(
-    "ordinary", deadline=None, suppress_health_check=BUSY, max_examples=50, derandomize=True, print_blob=True
+    "ordinary", deadline=None, suppress_health_check=BUSY, max_examples=30, derandomize=True, print_blob=True
 )
 settings.register_profile("nightly", deadline=None, suppress_health_check=BUSY, max_examples=10_000, print_blob=True)
 settings.register_profile("quick", settings.get_profile("ordinary"), max_examples=20)

@@ -312,7 +312,7 @@ def test_a_small_job_does_not_load_what_only_big_jobs_need(room: str, tmp_path: 
 
 
 def test_the_language_imports_fast(tmp_path: Path) -> None:
-    """Against the import of a part of Python: where other work keeps the memory and the cores busy, both take longer."""
+    """Against an import of Python's own: where other work keeps the memory and the cores busy, both take longer."""
     # The best of several: the first one compiles, and other work on the machine can only make an import slower.
     times = [(load("import sleepcast.language", tmp_path)[0], load(REFERENCE, tmp_path)[0]) for _ in range(7)]
     fastest, reference = (min(column) for column in zip(*times, strict=True))

@@ -40,7 +40,7 @@ from sleepcast.mind.authority import Tells
 from sleepcast.robot import Reading, Setpoint
 
 MOST = 1 << 20
-EXAMPLES = max(75, settings().max_examples)
+EXAMPLES = max(50, settings().max_examples)
 ROLES = {
     "anna": Role.OPERATOR,
     "bert": Role.OPERATOR,

@@ -30,7 +30,7 @@ from sleepcast.fleet.native.kernels import Kernels, available
 
 pytestmark = pytest.mark.usefixtures("rules_elsewhere")
 
-EXAMPLES = max(75, settings().max_examples)
+EXAMPLES = max(50, settings().max_examples)
 """Lives: so many, or as many as the chosen hypothesis profile says if that is more."""
 ROBOTS = 4
 STEPS = 5

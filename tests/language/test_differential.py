@@ -27,9 +27,9 @@ from sleepcast.node.node import Node
 
 pytestmark = pytest.mark.usefixtures("rules_elsewhere")
 
-EXAMPLES = max(75, settings().max_examples)
+EXAMPLES = max(50, settings().max_examples)
 """Memories: so many, or as many as the chosen hypothesis profile says if that is more."""
-EXPLAINED = max(60, settings().max_examples // 4)
+EXPLAINED = max(40, settings().max_examples // 4)
 """The same for explanations, which take one machine instead of five."""
 TEXTS = 6
 """Expressions evaluated in each of them."""

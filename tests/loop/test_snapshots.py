@@ -302,7 +302,7 @@ def test_a_document_that_lacks_a_part_is_refused() -> None:
 PARTS = ("simulator", "fleet", "radio", "loop", "desk")
 
 
-@settings(max_examples=max(50, settings().max_examples))
+@settings(max_examples=max(30, settings().max_examples))
 @given(data=st.data())
 def test_a_changed_byte_is_refused_or_harmless(data: st.DataObject) -> None:
     place = data.draw(st.integers(0, len(whole()) - 1))
@@ -362,7 +362,7 @@ TEXTS = ("(+ 1", "(SETQQ E5 (E5))", "desk-1.1", "e5", "variable", "operator", "n
 
 
 @pytest.mark.parametrize("part", PARTS)
-@settings(max_examples=max(50, settings().max_examples))
+@settings(max_examples=max(30, settings().max_examples))
 @given(data=st.data())
 def test_whatever_stands_in_a_part_it_is_refused_or_runs(part: str, data: st.DataObject) -> None:
     """Parts with right check sums and wrong contents: either a sentence, or a swarm that goes on."""

@@ -15,9 +15,11 @@ import re
 import shlex
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from io import BytesIO, TextIOWrapper
 from pathlib import Path
 
 import click
@@ -26,7 +28,7 @@ import pytest
 from channel.test_udp import free_port
 from clients import board
 from installing import install
-from sleepcast.cli import program
+from sleepcast.cli import main, program
 from test_docs import ROOT, SHELL, blocks_of, write_files
 
 PAGES = {
@@ -47,12 +49,14 @@ CONFIGURED = '"address": "{}", "port": {}'
 """The same in the settings of a small computer."""
 SAID = "udp://239.255.83.76:47123?interface=lo"
 URI = f"udp://{GROUP}:{{}}?interface=lo"
-TOO_LATE = re.compile("silent [1-9]|cannot say [1-9]|no robot was heard|none of the [0-9]+ robots|does not answer")
+TOO_LATE = re.compile(
+    "silent [1-9]|cannot say [1-9]|no robot (was heard|has told of)|none of the [0-9]+ robots|does not answer"
+)
 """What the account of a command says if robots have not told enough in time, as on a busy machine."""
 LOOKS = re.compile(" watch --once| --dry-run")
 """Commands that only look at what is there now: what is still to come is seen at another look."""
-LONGEST = 120.0
-"""Seconds to wait for what a program prints at its start, or for its end."""
+LONGEST = 240.0
+"""Seconds to wait for what a program prints at its start, for its end, or for robots that tell enough."""
 
 
 def shown_alike(shown: str, printed: str) -> bool:
@@ -68,9 +72,12 @@ class Reader:
     added: Path
     """Where packages are that the page tells its reader to install."""
     running: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
+    called: set[str] = field(default_factory=set)
+    """The commands that have been called in a process of their own."""
 
-    def start(self, line: str, output: int) -> subprocess.Popen[bytes]:
-        words = shlex.split(line, comments=True)
+    def on_our_channel(self, line: str) -> tuple[str, str]:
+        """A line as we start it, and the command that it calls, if that is one of ours on a channel."""
+        words, ours = shlex.split(line, comments=True), ""
         if words[0] == "sleepcast":
             _, command, _ = program.resolve_command(click.Context(program), words[1:])
             assert command is not None
@@ -78,22 +85,43 @@ class Reader:
             if isinstance(command, click.Group):
                 last, command = words[2], command.commands[words[2]]
             if any(each.name == "channel" for each in command.params):
-                line = line.replace(f" {last}", f" {last} --channel '{URI.format(self.port)}'", 1)
+                line, ours = line.replace(f" {last}", f" {last} --channel '{URI.format(self.port)}'", 1), last
         line = line.replace(USUAL, f"{GROUP} {self.port}")
-        line = line.replace(CONFIGURED.format(*USUAL.split()), CONFIGURED.format(GROUP, self.port))
+        return line.replace(CONFIGURED.format(*USUAL.split()), CONFIGURED.format(GROUP, self.port)), ours
+
+    def surroundings(self) -> dict[str, str]:
+        path = f"{self.added}/bin{os.pathsep}{SHELL['PATH']}"
+        changes = {"HOME": str(self.folder), "PYTHONWARNINGS": "ignore", "PYTHONPATH": str(self.added), "PATH": path}
+        return SHELL | changes
+
+    def start(self, line: str, output: int) -> subprocess.Popen[bytes]:
+        line, _ = self.on_our_channel(line)
         return subprocess.Popen(
             ["env", "--default-signal=INT", "bash", "-c", f"exec 2>&1; exec {line}"],
             cwd=self.folder,
-            env={
-                **SHELL,
-                "HOME": str(self.folder),
-                "PYTHONWARNINGS": "ignore",
-                "PYTHONPATH": str(self.added),
-                "PATH": f"{self.added}/bin{os.pathsep}{SHELL['PATH']}",
-            },
+            env=self.surroundings(),
             stdin=subprocess.DEVNULL,
             stdout=output,
         )
+
+    def printed(self, line: str) -> str:
+        """What a command prints until its end. The first one of its name has a process of its own; in the next ones,
+        most of the time would go into loading the same libraries once more."""
+        ours, command = self.on_our_channel(line)
+        if not command or command not in self.called:
+            self.called.add(command)
+            return self.start(line, subprocess.PIPE).communicate(timeout=LONGEST)[0].decode()
+        screen = TextIOWrapper(BytesIO(), encoding="utf-8", write_through=True)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.chdir(self.folder)
+            for name in os.environ.keys() - self.surroundings().keys():
+                patch.delenv(name)
+            for name, value in self.surroundings().items():
+                patch.setenv(name, value)
+            for name, stream in ("stdin", TextIOWrapper(BytesIO())), ("stdout", screen), ("stderr", screen):
+                patch.setattr(sys, name, stream)
+            main(shlex.split(ours, comments=True)[1:])
+        return screen.buffer.getvalue().decode()  # type: ignore[attr-defined]
 
     def leave_running(self, line: str, shown: str) -> None:
         """Start a program in a terminal of its own, and read there what it says."""
@@ -115,7 +143,7 @@ class Reader:
             failed = f"{line}\nprinted\n{printed}\nwanted\n{shown}"
             assert printed is None or TOO_LATE.search(printed) or LOOKS.search(line), failed
             assert time.monotonic() < until, failed
-            printed = self.start(line, subprocess.PIPE).communicate(timeout=LONGEST)[0].decode()
+            printed = self.printed(line)
 
     def end(self, process: subprocess.Popen[bytes]) -> None:
         process.send_signal(signal.SIGINT)

@@ -21,6 +21,7 @@ from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.core.clock import ManualClock
 from sleepcast.mind.auction import GrantMessage
 from sleepcast.node.node import Node
+from sleepcast.node.state import mind_of
 from sleepcast.node.store import InUseError, Store, StoreError
 
 OF_0_2_0 = Path(__file__).resolve().parent.parent / "of_0_2_0"
@@ -120,6 +121,7 @@ def test_what_a_robot_is_by_a_lease_ends_with_its_life_and_a_bid_does_too(tmp_pa
     fleet, robot = one(tmp_path)
     poll = fleet.post("(BEST 1 1 TRUE (PROGN (JOIN crew) (RULE shine (MARK))))")
     fleet.run(0.3)
+    assert robot.node.bidding is not None
     (bid,) = (each.bid for each in robot.node.bidding._open)
     grants = GrantMessage(poll.sequence, True, {robot.name: max(bid._beats)}, ())
     fleet.air.desk.delivery.post(Kind.REQUEST, fleet.air.clock.now(), body=grants.body())
@@ -138,7 +140,7 @@ def test_what_a_robot_is_by_a_lease_ends_with_its_life_and_a_bid_does_too(tmp_pa
         (later.id, "fault"),
     ]
     assert robot.world.done == []
-    assert robot.node.bidding.endings == ()
+    assert mind_of(robot.node).endings == ()
 
 
 def test_stop_holds_over_a_death_and_built_in_rules_are_nobodys(tmp_path: Path) -> None:

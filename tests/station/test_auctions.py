@@ -288,6 +288,7 @@ def test_grants_of_somebody_else_make_nobody_a_member() -> None:
     sent = chief.send("(BEST 1 (- x) TRUE (JOIN red))", confirmed=True)
     scene.run(0.4)
     robot = scene.fleet["r0"]
+    assert robot.node.bidding is not None
     for beat in list(robot.node.bidding._open[0].bid._beats):
         grants = {
             "of": sent.message.sequence,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 from sleepcast.core.records import dataclass
 from sleepcast.language.explain import Explanation, Recollection, explain
@@ -65,3 +66,11 @@ class Result:
     def explanation(self) -> Explanation:
         """Computed on request."""
         return explain(self.recall())
+
+
+class EvaluatedCommand(NamedTuple):
+    """What came of an evaluation: the word for it, the value, and the fault, "" for none."""
+
+    word: str
+    value: float
+    fault: str

@@ -9,12 +9,13 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Collection, Mapping
 from math import isnan
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 from sleepcast.channel.message import OUTBID, UNKNOWN, WITHIN, Message
 from sleepcast.language.parts import Auction
 from sleepcast.mind.auction import Bid, BidPhase, GrantMessage
 from sleepcast.mind.rules import Rule
+from sleepcast.mind.views import EvaluatedCommand
 
 MAX_BIDS = 16
 """Auctions in which a robot takes part at once."""
@@ -25,14 +26,6 @@ MAX_GRANTS = 64
 TOO_MANY = f"it bids for {MAX_BIDS} commands at once, {MAX_OF_ONE} of one sender: no more"
 STOPPED = "STOP has ended its bid"
 HELD_STILL = "it is held still, so it does not bid"
-
-
-class EvaluatedCommand(NamedTuple):
-    """What came of an evaluation: the word for it, the value, and the fault, "" for none."""
-
-    word: str
-    value: float
-    fault: str
 
 
 class Evaluating(Protocol):

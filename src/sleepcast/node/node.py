@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from math import inf, isnan, nan
+from typing import TYPE_CHECKING
 
 from sleepcast.channel.message import (
     DRIVER,
@@ -74,12 +75,14 @@ from sleepcast.mind.limits import (
 from sleepcast.mind.merging import enqueue, place_of
 from sleepcast.mind.rules import Rule, in_order
 from sleepcast.mind.telemetry import Motion, motion_of
-from sleepcast.mind.views import Result, RuleView
-from sleepcast.node.bidding import Bidding, EvaluatedCommand
+from sleepcast.mind.views import EvaluatedCommand, Result, RuleView
 from sleepcast.node.linking import VariableTable
 from sleepcast.node.memory import OutputPort, RobotMemory
 from sleepcast.node.scheduler import RuleRecord, Scheduler
 from sleepcast.robot import Failsafe, RestSensing, Robot
+
+if TYPE_CHECKING:
+    from sleepcast.node.bidding import Bidding
 
 MAX_RECOLLECTIONS = 64
 """Evaluations of messages that a robot can still explain."""
@@ -151,7 +154,8 @@ class Node:
         self._driving, self._lease = Driving(), lease
         self._speaks_for = ""
         """The operator for whom the message is evaluated that is evaluated now, "" for none."""
-        self.bidding = Bidding()
+        self.bidding: Bidding | None = None
+        """Of commands that choose among robots, once there was one."""
         self._scheduler = Scheduler(self._memory.records, self._run_rule)
         self._queue: deque[Message] = deque()
         self._seen: OrderedDict[str, None] = OrderedDict()
@@ -197,7 +201,8 @@ class Node:
     @property
     def awake(self) -> bool:
         """Whether the next tick has anything to do: a message, a bid, active rules, or a driven body."""
-        return bool(self._queue) or bool(self._memory.records.running) or self.driven or self.bidding.is_busy
+        bids = self.bidding is not None and self.bidding.is_busy
+        return bool(self._queue) or bool(self._memory.records.running) or self.driven or bids
 
     @property
     def driven(self) -> bool:
@@ -274,7 +279,8 @@ class Node:
                 self.answer(message, outcome, fault=fault)
             return
         if message.kind is Kind.REQUEST:  # which is no sign that somebody drives
-            self.bidding.hear(message)
+            if self.bidding is not None:
+                self.bidding.hear(message)
             return
         self._driving = self._driving.hear(message)
         if message.kind is Kind.STOP:
@@ -326,7 +332,7 @@ class Node:
         for rule in memory.records.expire(now):
             self._report(f"lease of {rule.name} ended", ())
         self._obey_waiting(now)
-        if self.bidding.is_busy:
+        if self.bidding is not None and self.bidding.is_busy:
             self.bidding.tick(self, now)
         if memory.records.running and not (memory.values[SLEEPING] > 0 or memory.values[FROZEN] > 0):
             memory.moved = False
@@ -426,7 +432,8 @@ class Node:
         if not self.authority.may_stop(message, self._now):
             self.answer(message, "fault", fault=ENDED)
             return
-        self.bidding.stop()
+        if self.bidding is not None:
+            self.bidding.stop()
         fault = ""
         try:
             self.halt()
@@ -558,6 +565,9 @@ class Node:
             self.answer(message, "answer", answer.value, "; ".join(answer.faults), details)
             return
         if (auction := auction_of(program.root)) is not None:
+            from sleepcast.node.bidding import Bidding  # most robots are never asked
+
+            self.bidding = self.bidding or Bidding()
             self.bidding.poll(self, message, auction, now)
             return
         outcome, value, fault = self._judge(program, message, now)

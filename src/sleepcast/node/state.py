@@ -17,6 +17,7 @@ from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, buffer_number
 from sleepcast.mind.limits import FAILED, PROVEN_TICKS
 from sleepcast.mind.rules import Rule
 from sleepcast.mind.state import MindState, OperatorState, RuleState
+from sleepcast.node.bidding import Bidding
 from sleepcast.node.memory import RobotMemory
 from sleepcast.node.node import Node
 from sleepcast.node.scheduler import RuleSet
@@ -48,7 +49,7 @@ def mind_of(node: Node) -> MindState:
         None if failed else min(memory.tick - memory.unproven_since, PROVEN_TICKS),
         memory.base.merging.state(),
         node.doubt,
-        node.bidding.endings,
+        () if node.bidding is None else node.bidding.endings,
     )
 
 
@@ -63,7 +64,7 @@ def fingerprint(node: Node) -> tuple[object, ...]:
         *(
             node.stopped,
             node.doubt,
-            node.bidding.endings,
+            () if node.bidding is None else node.bidding.endings,
             repr(node.authority.state(0.0)),
             proven,
             memory.records.version,
@@ -82,7 +83,9 @@ def restore(state: MindState, node: Node, away: float) -> list[str]:
     try:
         lost = _put_back(state, node.memory, away)
         node.authority.restore(state.authority, node.memory.time - away)
-        node.bidding.restore(state.endings)
+        if state.endings:
+            node.bidding = Bidding()
+            node.bidding.restore(state.endings)
     except UNFIT as error:
         raise SerialError(f"no mind can be made of this: {type(error).__name__}: {error}") from None
     return lost + stand(node, state.doubt) if state.stopped else lost

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cached_property
 from math import inf
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -21,7 +22,6 @@ from sleepcast.core.angles import mean_direction, quantile
 from sleepcast.core.errors import and_more, printable
 from sleepcast.core.units import value_in_words
 from sleepcast.language import Checked
-from sleepcast.mind.auction import AuctionStatus
 from sleepcast.station.rest import RestAccount
 from sleepcast.station.roster import Index, Seconds, of_robots
 from sleepcast.station.sent import (
@@ -39,6 +39,9 @@ from sleepcast.station.sent import (
     nameless,
     silent,
 )
+
+if TYPE_CHECKING:
+    from sleepcast.mind.auction import AuctionStatus
 
 COUNTED = ("matched", "held", "not_matched", "unknown", "fault", "silent")
 """What an account counts, as its attributes; held is among matched."""

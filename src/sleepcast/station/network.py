@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from math import inf, nan
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -52,7 +53,6 @@ from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.mind.authority import FORGOTTEN, MAX_MARKS, Life, StopMark, mark_of, marks_and_ages
 from sleepcast.station.account import COUNTED, account
-from sleepcast.station.auctions import DeskAuctions
 from sleepcast.station.journal.journal import CONFLICT, Journal, JournalEvent
 from sleepcast.station.leases import lease_body, validate_holder
 from sleepcast.station.prepared import Draft, Prepared, Terms
@@ -77,6 +77,9 @@ from sleepcast.station.validation import (
     robot_names,
 )
 from sleepcast.station.whose_names import NEW_WORDS, check_for, refuse_forms
+
+if TYPE_CHECKING:
+    from sleepcast.station.auctions import DeskAuctions
 
 ANSWERS_A_SECOND = 1_000.0
 """Answers that are asked for in a second: 200 kB on the air, a fifth of what a slow radio carries."""
@@ -208,7 +211,8 @@ class NetworkStation(Station):
         self.conflicts = delivery.admission.conflicts
         """Names that several robots have."""
         self._shared = ContestedNames(self.conflicts, self._sent, self._roster)
-        self._auctions = DeskAuctions(delivery)
+        self._auctions: DeskAuctions | None = None
+        """Of commands that choose among robots, once there was one."""
         self._stops = FairTable[Life, KnownStop, str](MAX_STOPS)
         """The latest STOP that is known of each other sender."""
         for name, time in (heard or {}).items():
@@ -347,13 +351,20 @@ class NetworkStation(Station):
         """As every station; a command that chooses among robots is the poll of an auction."""
         command = super().commit(prepared, count=count, confirmed=confirmed)
         if (auction := auction_of(prepared.draft.program.root)) is not None:
+            from sleepcast.station.auctions import DeskAuctions  # few commands choose among robots
+
             with self._lock:
+                self._auctions = self._auctions or DeskAuctions(self.session.delivery)
                 self._auctions.begin(command, auction)
         return command
 
+    def _end_auctions(self) -> None:
+        if self._auctions is not None:
+            self._auctions.end()
+
     def stop(self) -> Command:
         """As every station: it leaves at once."""
-        self._auctions.end()
+        self._end_auctions()
         self._drivers.clear()
         return super().stop()
 
@@ -455,7 +466,8 @@ class NetworkStation(Station):
                     if TOOK in known.body:
                         self._learn_time(known)
                 elif message.kind is Kind.REQUEST:
-                    self._auctions.hear(message, began)
+                    if self._auctions is not None:
+                        self._auctions.hear(message, began)
                 elif message.role != Role.ROBOT or message.kind is Kind.STOP:
                     self._overhear(message)
         self.listened = began
@@ -522,7 +534,7 @@ class NetworkStation(Station):
     def due(self) -> float:
         """When there is something to be sent again, or a heartbeat, s of Unix time."""
         beat = self._beat + LEASE / 3.0 if self.holding and self._drives() else inf
-        auctions = self._auctions.due(self._clock.now())
+        auctions = inf if self._auctions is None else self._auctions.due(self._clock.now())
         return min(beat, auctions, self._retransmission.due(), self._rest_watch.due)
 
     def conclude(self) -> None:
@@ -593,7 +605,7 @@ class NetworkStation(Station):
         if message.kind is Kind.COMMAND and message.text:
             self.commanded.note(self.now, self._named(message))
         if message.kind is Kind.STOP:
-            self._auctions.end()
+            self._end_auctions()
             self._drivers.clear()
             self._note_stop(KnownStop(mark_of(message), self.now), message.key)
         self._retransmission.overtaken(message)
@@ -645,7 +657,8 @@ class NetworkStation(Station):
             now = self._clock.now()
             self._attend_names(now)
             self._retransmission.attend(now)
-            self._auctions.attend(now)
+            if self._auctions is not None:
+                self._auctions.attend(now)
             self._watch_rest(now)
             if self.holding and self._drives() and now - self._beat >= LEASE / 3.0:
                 self._beat = now

@@ -10,6 +10,7 @@ from enum import StrEnum
 from functools import cached_property
 from math import inf, nan
 from sys import float_info
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -21,12 +22,14 @@ from sleepcast.channel.message_batch import AnswerColumns as Said
 from sleepcast.channel.message_batch import NameIndex, ascending
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.serial import Array, SerialError, within
-from sleepcast.mind.auction import Auctioneer
 from sleepcast.mind.authority import StopMark, is_ended_by, mark_of
 from sleepcast.station.leases import in_words
 from sleepcast.station.rest import RestAccount, RestStates
 from sleepcast.station.roster import Index, Seconds, longer
 from sleepcast.station.serialized import CommandAnswersState, CommandState
+
+if TYPE_CHECKING:
+    from sleepcast.mind.auction import Auctioneer
 
 
 class Outcome(StrEnum):

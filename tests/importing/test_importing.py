@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from math import degrees
+from math import degrees, radians
 from pathlib import Path
 
 import pytest
@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 import sleepcast as sc
 from sleepcast.api.assembly import assemble
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.settings import SettingsError
 from sleepcast.importing import READERS, read_foreign
 from sleepcast.importing.folder import write_folder
 from sleepcast.importing.found import Disc, Found, Outline
@@ -194,6 +195,54 @@ def test_a_world_of_stage(imported: Import, tmp_path: Path) -> None:
     said = "\n".join(found.left_out())
     for part in ("ctrl wander", "ranger of rover (2 times)", "bitmap 'lost.png'", "nobody: no model of this name"):
         assert part in said
+
+
+RANGERS = """
+define sick ranger ( sensor ( range [0.1 8] fov 180 samples 181 noise [0.01 0 0] pose [0 0 0 10] ) )
+define ring ranger ( sonar ( pose [0 0 0 0] ) sonar ( pose [0 0 0 90] ) )
+define sonar sensor ( range [0 5] samples 1 )
+define rover position ( size [0.4 0.4 0.2] sick ( pose [0.1 0 0 20] ) ring () )
+rover ( pose [0 0 0 0] )
+"""
+
+
+def test_rangers_of_stage(imported: Import) -> None:
+    found, scenario = imported("a.world", RANGERS)
+    laser = scenario.laser
+    assert laser is not None
+    assert (laser.beams, laser.reach, laser.least) == (181, 8.0, 0.0)
+    assert (laser.first, laser.last) == (pytest.approx(radians(-60.0)), pytest.approx(radians(120.0)))
+    assert laser.noise == pytest.approx(0.1), "what stands there is a variance"
+    said = "\n".join(found.left_out())
+    for part in ("a ranger that is not in the middle of its robot: it is here", "ranger of rover: give robots a"):
+        assert part in said
+
+
+def test_other_rangers_of_stage(imported: Import) -> None:
+    around = "fov 360 samples 361"
+    found, scenario = imported("a.world", RANGERS.replace("fov 180 samples 181", around) + OTHERS)
+    assert scenario.laser is not None
+    assert scenario.laser.closed
+    assert scenario.laser.beams == 360, "Stage measures ahead of its last beam once more"
+    said = "\n".join(found.left_out())
+    assert "another ranger of second (2 times): a scenario has one kind of scanner" in said
+    assert "robots without a ranger: they have one here: a scenario's scanner is that of all" in said
+
+
+OTHERS = """
+define second position ( size [0.4 0.4 0.2] ranger ( sensor ( samples 5000 fov 90 ) ) )
+second ( pose [2 0 0 0] )
+second ( pose [4 0 0 0] )
+position ( pose [6 0 0 0] )
+"""
+
+
+@pytest.mark.parametrize("wrong", ["samples many", "fov inf", "range [0 wide]", "noise 0.1"])
+def test_a_ranger_without_its_numbers(tmp_path: Path, wrong: str) -> None:
+    path = tmp_path / "a.world"
+    path.write_text(f"position ( ranger ( sensor ( samples 10 fov 90 {wrong} ) ) )")
+    with pytest.raises(SettingsError, match=rf"a.world:1: {wrong.split()[0]}: wanted "):
+        read_foreign(path)
 
 
 def test_a_fleet_of_crazyswarm2(imported: Import) -> None:

@@ -23,6 +23,7 @@ from sleepcast.core.extras import installing
 from sleepcast.core.settings import MAX_BYTES
 from sleepcast.importing.found import Bitmap, Disc, Found, FoundRobots, Hardware, Point, bounds
 from sleepcast.simulator.scenario.robot_types import MAX_TYPES
+from sleepcast.simulator.scenario.scanners import LaserModel
 from sleepcast.simulator.scenario.scenario import FORMAT
 from sleepcast.simulator.scenario.starts import StartPose
 
@@ -158,6 +159,8 @@ class _Text:
         yield from self._robots()
         if found.reach > 0.0:
             yield from ("", "[neighbours]", f'reach = "{_number(found.reach)}m"')
+        if found.laser:
+            yield from _laser(found.laser)
 
     def _world(self) -> Iterator[str]:
         yield from ("", "[world]", f'width = "{_number(self._size[0])}m"', f'height = "{_number(self._size[1])}m"')
@@ -255,6 +258,16 @@ def _hardware(hardware: Hardware) -> Iterator[str]:
         yield from ("bumpers = 8", 'contact = "slide"')
     if hardware.track:
         yield from ("", "[robots.wheels]", f'track = "{_number(hardware.track)}m"')
+
+
+def _laser(model: LaserModel) -> Iterator[str]:
+    yield from ("", "[laser]", f"beams = {model.beams}")
+    if not model.closed:
+        yield f'from = "{_number(degrees(model.first))}deg"'
+        yield f'to = "{_number(degrees(model.last))}deg"'
+    yield f'range = "{_number(model.reach)}m"'
+    if model.noise:
+        yield f'noise = "{_number(model.noise)}m"'
 
 
 def _number(value: float) -> str:

@@ -14,6 +14,7 @@ from math import cos, sin
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.simulator.scenario.scanners import LaserModel
 from sleepcast.simulator.scenario.starts import StartPose
 
 Point = tuple[float, float]
@@ -103,7 +104,8 @@ class FoundRobots:
 @dataclass(slots=True)
 class Found:
     """All that a scenario can hold of a file. box: lower left and upper right corner of its world, None for whatever
-    holds all of it; margin: m of open space around what has no box; route: places in the order of a mission."""
+    holds all of it; margin: m of open space around what has no box; laser: of all robots; route: places in the order of
+    a mission."""
 
     title: str
     about: str
@@ -113,6 +115,7 @@ class Found:
     tick: float = 0.1
     seed: int = 0
     reach: float = 0.0
+    laser: LaserModel | None = None
     solids: list[Outline | Disc] = field(default_factory=list)
     cells: Bitmap | None = None
     robots: list[FoundRobots] = field(default_factory=list)

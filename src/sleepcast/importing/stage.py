@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from math import isfinite, radians
+from math import isfinite, radians, remainder, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,9 @@ from sleepcast.core.errors import MisuseError
 from sleepcast.core.settings import SettingsError, read_text
 from sleepcast.importing.found import Bitmap, Found, FoundRobots, Frame, Hardware, Outline, Point, bounds, rectangle
 from sleepcast.simulator.scenario.areas import MAX_AREAS
+from sleepcast.simulator.scenario.scanners import LEAST_FIELD, MAX_BEAMS, WHOLE, LaserModel
 from sleepcast.simulator.scenario.starts import StartPose
+from sleepcast.simulator.simd.formulas import TURN
 from sleepcast.simulator.world.ros_map import MAX_PIXELS, contours, picture
 
 MAX_FILE = 4 * 1_048_576
@@ -168,6 +170,8 @@ def read_stage(path: Path) -> Found:
         world.add(each, Frame(), 0)
     if not (found.points()):
         raise SettingsError(f"{path}: neither walls nor robots: wanted models with a pose")
+    if found.laser and world.blind:
+        found.leave_out("robots without a ranger", "they have one here: a scenario's scanner is that of all")
     return found
 
 
@@ -176,6 +180,8 @@ class _World:
 
     def __init__(self, found: Found, reader: _StageReader) -> None:
         self._found, self._bases, self._count = found, reader.bases, 0
+        self.blind = False
+        """Whether there are robots without a scanner."""
         units = reader.root.values
         self._metre = {"cm": 0.01, "mm": 0.001}.get(str(units.get("unit_length", "m")), 1.0)
         self._turn = (lambda angle: angle) if units.get("unit_angle") == "radians" else radians
@@ -253,10 +259,53 @@ class _World:
         same.poses.append(StartPose(frame.x, frame.y, frame.turn, str(model.values.get("name", ""))))
         if "ctrl" in model.values:
             self._found.leave_out(f"ctrl {model.values['ctrl']!s:.40}", "a program: write what robots do as rules")
-        for part in model.parts:
-            kind = self._whole(part)[1]
-            if kind not in ("block", MODEL):
-                self._found.leave_out(f"{kind} of {written.base}", "give robots a [robots.sonar], or a `like`")
+        self._devices(written.base, model.parts)
+
+    def _devices(self, robot: str, parts: list[Model]) -> None:
+        """Let robots have the first scanner of the file, and tell of all else that this one has."""
+        blind = True
+        for part in parts:
+            kind, laser = self._whole(part)[1], self._laser(part)
+            if laser is None:
+                if kind not in ("block", MODEL):
+                    self._found.leave_out(f"{kind} of {robot}", "give robots a [robots.sonar], or a `like`")
+                continue
+            blind = False
+            self._found.laser = self._found.laser or laser
+            if laser != self._found.laser:
+                self._found.leave_out(f"another ranger of {robot}", "a scenario has one kind of scanner")
+        self.blind |= blind
+
+    def _laser(self, part: Model) -> LaserModel | None:
+        """A ranger with one sensor of several beams; None for anything else, such as a ring of sonars. Its `noise`
+        begins with a variance in Stage's program, whatever its page says, and its least range is only drawn."""
+        ranger, kind = self._whole(part)
+        sensors = [sensor for sensor, kind in map(self._whole, ranger.parts) if kind == "sensor"]
+        if kind != "ranger" or len(sensors) != 1:
+            return None
+        sensor, places = sensors[0], [self._frame(each) for each in (sensors[0], ranger)]
+        beams, field = int(self._number(sensor, "samples", 1)), self._turn(self._number(sensor, "fov", 0.0))
+        reach = self._list(sensor, "range", [0.0, 5.0])[1] * self._metre
+        if beams < 2 or field < LEAST_FIELD or reach <= 0.0:
+            return None
+        if any(each.x or each.y for each in places):
+            self._found.leave_out("a ranger that is not in the middle of its robot", "it is here")
+        whole = field >= TURN - WHOLE  # the last beam of such a one is the first one again
+        if beams - whole > MAX_BEAMS:
+            self._found.leave_out(f"ranger of {beams} beams", f"it has {MAX_BEAMS}, as many as there may be")
+            beams = MAX_BEAMS + whole
+        first = remainder(sum(each.turn for each in places), TURN) - min(field, TURN) / 2.0
+        noise = sqrt(max(0.0, self._list(sensor, "noise", [0.0, 0.0])[0] * self._metre))
+        return LaserModel(beams - whole, first, min(field, TURN) / (beams - 1), 0.0, reach, min(noise, reach))
+
+    def _number(self, model: Model, key: str, default: float) -> float:
+        try:
+            number = float(str(model.values.get(key, default)))
+        except ValueError:
+            number = float("nan")
+        if not isfinite(number):
+            raise SettingsError(f"{model.place}: {key}: wanted a number, not {model.values[key]!r:.60}")
+        return number
 
     def _thing(self, written: Model, model: Model, frame: Frame) -> None:
         """Add what is solid of a model; what sensors and bodies ignore is an area."""

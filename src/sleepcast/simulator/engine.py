@@ -85,6 +85,8 @@ class Machine(Protocol):
 
     def hidden(self, lines: SightLines, x: Floats, y: Floats, to_x: Floats, to_y: Floats, /) -> Flags: ...
 
+    def crossings(self, lines: SightLines, x: Floats, y: Floats, to_x: Floats, to_y: Floats, /) -> Whole: ...
+
     def scan(self, model: LaserModel, scene: BeamScene, which: Whole, key: int, /) -> Ranges: ...
 
     def in_sight(self, listed: CellLists, solids: Floats, /) -> Seen:
@@ -139,6 +141,7 @@ class NumPyMachine:
     candidates = staticmethod(grid.candidates)
     pairs = staticmethod(grid.pairs)
     hidden = staticmethod(sight.hidden)
+    crossings = staticmethod(sight.crossings)
     scan = staticmethod(beams.scan)
     ranges = staticmethod(cones.ranges)
     look = staticmethod(cones.look)

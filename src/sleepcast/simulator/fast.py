@@ -201,6 +201,18 @@ class NumbaMachine:
             self._share(len(x), work, CROWDED)
         return found
 
+    def crossings(self, lines: SightLines, x: Floats, y: Floats, to_x: Floats, to_y: Floats) -> Whole:
+        found = np.zeros(len(x), np.int64)
+        ends = [np.ascontiguousarray(each, np.float64) for each in (x, y, to_x, to_y)]
+
+        def work(first: int, last: int) -> None:
+            looked = np.zeros(len(lines.solids), np.int32)
+            kernels_sight.count(lines.address, *ends, first, last, looked, found)
+
+        if lines:
+            self._share(len(x), work, CROWDED)
+        return found
+
     def scan(self, model: LaserModel, scene: BeamScene, which: Whole, key: int) -> Ranges:
         grid, (order, start), listed = scene.grid, scene.points, scene.listed
         sine, cosine = sine_cosine(model.angles)

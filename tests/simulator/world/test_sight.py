@@ -9,7 +9,8 @@ import pytest
 
 from machines import ALL
 from simulator.world.sight_reference import blocked, count, exactly
-from sleepcast.simulator.world.sight import SightLines, crossings, hidden, joined, stops, unrolled
+from sleepcast.simulator.engine import choose
+from sleepcast.simulator.world.sight import SightLines, hidden, joined, stops, unrolled
 from sleepcast.simulator.world.world import Circle, Polygon, Wall, World, boundary, rooms
 
 SIDE = 8.0
@@ -69,15 +70,38 @@ class TestReference:
         assert not wrong
         assert 0.1 * CASES / 4 < seen < 0.9 * CASES / 4, "neither all nor nothing is seen"
 
-    def test_crossings_are_counted_once_each(self) -> None:
+    @pytest.mark.parametrize("whole", [True, False], ids=["whole numbers", "any numbers"])
+    @pytest.mark.parametrize("around", [(inf, inf), (SIDE, SIDE)], ids=["plain", "torus"])
+    def test_crossings_are_counted_once_each(self, around: tuple[float, float], whole: bool) -> None:
         drawn = np.random.default_rng(5)
+        most = 0
         for _ in range(20):
-            solids, lines = solids_by_chance(drawn, whole=False), SightLines((SIDE, SIDE))
+            solids, lines = solids_by_chance(drawn, whole), SightLines((SIDE, SIDE), around)
             lines.put(solids)
             ends = drawn.uniform(0.0, SIDE, (4, LINES))
-            expected = [count(line, exactly(solids.tolist())) for line in ends.T.tolist()]
-            assert crossings(lines, *ends).tolist() == expected
+            if whole:
+                ends = np.floor(ends)
+            ends[2:] = [unrolled(*ends[axis::2], around[axis]) for axis in (0, 1)]
+            expected = [count(line, exactly(solids.tolist(), around)) for line in ends.T.tolist()]
+            for machine in ALL:
+                assert machine.crossings(lines, *ends).tolist() == expected
             assert (hidden(lines, *ends) == (np.array(expected) > 0)).all()
+            most = max(most, *expected)
+        assert most > 3
+
+    def test_more_lines_than_one_thread_counts(self) -> None:
+        drawn = np.random.default_rng(9)
+        lines, ends = SightLines((SIDE, SIDE)), drawn.uniform(0.0, SIDE, (4, 5_000))
+        for machine in ALL:
+            assert not machine.crossings(lines, *ends).any(), "nothing is there"
+        solids = np.concatenate([solids_by_chance(drawn, whole=False) for _ in range(20)])
+        lines.put(solids)
+        names = [machine.name for machine in ALL]
+        first, *others = (choose(name, threads).crossings(lines, *ends) for name in names for threads in (1, 3))
+        some = slice(0, 5_000, 250)
+        assert first[some].tolist() == [count(line, exactly(solids.tolist())) for line in ends.T[some].tolist()]
+        for other in others:
+            assert np.array_equal(first, other)
 
 
 class TestStops:
@@ -269,7 +293,9 @@ def test_long_lines_over_many_cells() -> None:
     assert lines.grid.columns > 30
     ends = drawn.uniform(0.0, SIDE, (4, 40))
     whole_ones = exactly(solids.tolist())
-    expected = [blocked(line, whole_ones) for line in ends.T.tolist()]
-    assert 5 < sum(expected) < 38
+    expected = [count(line, whole_ones) for line in ends.T.tolist()]
+    blocked_ones = [number > 0 for number in expected]
+    assert 5 < sum(blocked_ones) < 38
     for machine in ALL:
-        assert machine.hidden(lines, *ends).tolist() == expected
+        assert machine.hidden(lines, *ends).tolist() == blocked_ones
+        assert machine.crossings(lines, *ends).tolist() == expected

@@ -7,7 +7,7 @@ import numpy as np
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.world.grid import Floats, Whole
-from sleepcast.simulator.world.sight import Ends, Flags, SightLines, crossings, hidden, stops, unrolled
+from sleepcast.simulator.world.sight import Ends, Flags, SightLines, hidden, stops, unrolled
 from sleepcast.simulator.world.world import World
 
 
@@ -30,7 +30,7 @@ class BetweenWalls:
     def count_between(self, x: Floats, y: Floats, to_x: Floats, to_y: Floats) -> Whole:
         """How many walls do."""
         self.keep_up()
-        return crossings(self.walls, *self._ends(x, y, to_x, to_y))
+        return self._machine.crossings(self.walls, *self._ends(x, y, to_x, to_y))
 
     def _ends(self, x: Floats, y: Floats, to_x: Floats, to_y: Floats) -> Ends:
         across, up = self._around

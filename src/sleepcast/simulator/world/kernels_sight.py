@@ -38,34 +38,76 @@ def hide(lines, x, y, to_x, to_y, first, last, found):
         found[i] = hidden(lines, x[i], y[i], to_x[i], to_y[i])
 
 
+@strict
+def count(lines, x, y, to_x, to_y, first, last, looked, found):
+    """Write how many solids each of the lines from `first` to `last` (exclusive) touches or crosses; see
+    `sight.crossings`. looked: 0 for each solid; one that several cells list is looked at once for each line"""
+    for i in range(first, last):
+        found[i] = crossings(lines, x[i], y[i], to_x[i], to_y[i], looked, i - first + 1)
+
+
 @part
 def hidden(lines, x, y, to_x, to_y):
     """Whether anything hides the point `to_x`, `to_y` from x, y; see `sight.hidden`."""
     if long_at(lines, COUNT) == 0:
         return False
+    cell, ahead, each = walk(lines, x, y, to_x, to_y)
+    while True:
+        if met(lines, cell, x, y, to_x, to_y):
+            return True
+        if is_last(ahead):
+            return False
+        cell, ahead = step(cell, ahead, each)
+
+
+@part
+def crossings(lines, x, y, to_x, to_y, looked, number):
+    """How many solids a line touches or crosses; see `count`. number: of the line, put down at what it looks at"""
+    items, solids, found = long_at(lines, ITEMS), long_at(lines, SOLIDS), 0
+    cell, ahead, each = walk(lines, x, y, to_x, to_y)
+    while True:
+        index, last = items_of(lines, cell)
+        while index < last:
+            item = np.int64(whole_at(items, index))
+            if looked[item] != number:
+                looked[item] = number
+                found += crossed(solids, 5 * item, x, y, to_x, to_y)
+            index += 1
+        if is_last(ahead):
+            return found
+        cell, ahead = step(cell, ahead, each)
+
+
+@woven
+def walk(lines, x, y, to_x, to_y):
+    """The cell in which a line begins; how many are left across and up, and at which share of the line the next of
+    them begins; by how much each step changes the cell, and that share."""
     size, columns, rows = real_at(lines, SIZE), long_at(lines, COLUMNS), long_at(lines, ROWS)
     own_x, own_y = x + real_at(lines, MARGIN_X), y + real_at(lines, MARGIN_Y)
     column, to_column = cell_at(own_x, size, columns), cell_at(to_x + real_at(lines, MARGIN_X), size, columns)
     row, to_row = cell_at(own_y, size, rows), cell_at(to_y + real_at(lines, MARGIN_Y), size, rows)
-    if column == to_column and row == to_row:
-        return met(lines, row * columns + column, x, y, to_x, to_y)
     along_x, along_y = to_x - x, to_y - y
     step_x, left_x = (1, to_column - column) if to_column > column else (-1, column - to_column)
-    step_y, left_y = (1, to_row - row) if to_row > row else (-1, row - to_row)
+    step_y, left_y = (columns, to_row - row) if to_row > row else (-columns, row - to_row)
     next_x = ((column + (step_x > 0)) * size - own_x) / along_x if left_x else inf
     next_y = ((row + (step_y > 0)) * size - own_y) / along_y if left_y else inf
     each_x, each_y = size / abs(along_x) if left_x else inf, size / abs(along_y) if left_y else inf
-    while True:
-        if met(lines, row * columns + column, x, y, to_x, to_y):
-            return True
-        if left_x + left_y == 0:
-            return False
-        if next_x <= next_y:
-            column, left_x = column + step_x, left_x - 1
-            next_x = next_x + each_x if left_x else inf
-        else:
-            row, left_y = row + step_y, left_y - 1
-            next_y = next_y + each_y if left_y else inf
+    return row * columns + column, (left_x, left_y, next_x, next_y), (step_x, step_y, each_x, each_y)
+
+
+@woven
+def is_last(ahead):
+    """Whether a walk ends in this cell."""
+    return ahead[0] + ahead[1] == 0
+
+
+@woven
+def step(cell, ahead, each):
+    """The next cell of a walk, and what is ahead from there."""
+    left_x, left_y, next_x, next_y = ahead
+    if next_x <= next_y:
+        return cell + each[0], (left_x - 1, left_y, next_x + each[2] if left_x > 1 else inf, next_y)
+    return cell + each[1], (left_x, left_y - 1, next_x, next_y + each[3] if left_y > 1 else inf)
 
 
 @woven

@@ -94,7 +94,10 @@ FUNCTIONS = (
     HostFunction("GIVE", lambda body, x: x, (None,), arguments="x", acts=False),
     HostFunction("MUTE", lambda body: math.nan, acts=False),
     nearest_id(
-        Body.nearest, Body.neighbours, lambda name, body, n: body.shown(name, n), more={"opinion": "", "fuel": "%"}
+        Body.nearest,
+        Body.neighbours,
+        lambda name, body, n: body.shown(name, n),
+        more={"opinion": "", "fuel": "%", "bravo": ""},
     ),
     HostFunction("LOOSE", lambda body: body.fail(), acts=False),
     HostFunction("SCAN-MIN", lambda body, a, b: 10.0 - a, (NONE, NONE), arguments="a b", result=LENGTH, acts=False),

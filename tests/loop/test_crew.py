@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import count
+from math import isnan
 from pathlib import Path
 from random import Random
 
@@ -42,10 +43,10 @@ _media = count()
 class Field:
     """A crew, and somebody who commands it."""
 
-    def __init__(self, folder: Path, robots: int = 20) -> None:
+    def __init__(self, folder: Path, robots: int = 20, more: str = "") -> None:
         self.clock, self.medium = ManualClock(START), f"memory:crew{next(_media)}"
         self.life = 1
-        self._begin(simulator(folder), robots)
+        self._begin(simulator(folder, more=more), robots)
         self.bystander = open_transport(self.medium, self.clock)
         self.desk = self.session("desk", DESK, open_transport(self.medium, self.clock))
         self.desk.zero = START
@@ -87,6 +88,13 @@ class Field:
                 self.crew.step()
             self.heard += self.desk.receive()
 
+    def close(self) -> None:
+        self.bystander.close()
+        self.desk.close()
+        self.receiver.close()
+        for member in self.crew.members:
+            member.session.close()
+
     def say(self, text: str = "", kind: Kind = Kind.COMMAND, *, standing: bool = False) -> None:
         self.desk.send(Message("desk", 1, 1, kind, self.clock.now() - START, text=text, standing=standing))
 
@@ -110,11 +118,7 @@ class Field:
 def field(tmp_path: Path) -> Iterator[Field]:
     found = Field(tmp_path)
     yield found
-    found.bystander.close()
-    found.desk.close()
-    found.receiver.close()
-    for member in found.crew.members:
-        member.session.close()
+    found.close()
 
 
 def test_every_robot_decides_and_answers_for_itself(field: Field) -> None:
@@ -123,6 +127,24 @@ def test_every_robot_decides_and_answers_for_itself(field: Field) -> None:
     assert sorted(map(str, field.answers())) == ["matched"] * 5 + ["not matched"] * 15
     assert [node.node.name for node in field.crew.members if node.node.driven] == [f"r{i}" for i in range(15, 20)]
     assert {message.sender for message in field.heard} == {f"r{i}" for i in range(20)}
+
+
+def test_neighbours_see_who_is_in_a_group_that_is_shown(tmp_path: Path) -> None:
+    field = Field(tmp_path, 6, more='[neighbours]\nreach = "2km"\nshows_groups = ["bravo"]\n')
+    counted = "(COUNT-OVER (n 2km) (OF n bravo))"
+
+    def seen() -> list[float]:
+        return [member.node.evaluate(counted).value for member in field.crew.members]
+
+    for text, found in (
+        ("(WHEN (< id 2) (JOIN bravo) (JOIN hidden))", [1.0, 1.0, 2.0, 2.0, 2.0, 2.0]),
+        ("(WHEN (= id 1) (LEAVE bravo))", [0.0, 1.0, 1.0, 1.0, 1.0, 1.0]),
+    ):
+        field.say(text)
+        field.run(1.0)
+        assert seen() == found
+    assert isnan(field.crew.members[1].node.evaluate("(OF 0 hidden)").value), "the scenario does not show it"
+    field.close()
 
 
 def test_stop_waits_for_no_tick(field: Field) -> None:

@@ -4,21 +4,29 @@ from __future__ import annotations
 
 import asyncio
 import inspect
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 
+import sleepcast as sc
+from cli.calling import called_here
 from console.asking import put
+from fleet.test_scanners import TEXT as SCANNERS
 from sleepcast.console import outgoing
 from sleepcast.console.adapters.live_past import LivePast
+from sleepcast.console.adapters.recorded_past import RecordedPast
+from sleepcast.console.adapters.recording import load_timeline
 from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
 from sleepcast.console.connection import encode
 from sleepcast.console.driver import Driver
 from sleepcast.console.features.preview import GetPreview, Previewed
-from sleepcast.console.features.why import Why
+from sleepcast.console.features.why import Explained, Why, show_why
 from sleepcast.console.marks import clock_time
 from sleepcast.console.past_view import ExactMoment
 from sleepcast.console.replay_client import RerunError
@@ -26,6 +34,7 @@ from sleepcast.core.clock import ManualClock, WallClock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.loop import Pace
 from sleepcast.simulator import Changes, Circle, find_scenario
+from sleepcast.simulator.recording.recording import load_recording
 from sleepcast.station.sent import SILENT
 from swarms import desk_of, drive, swarm_of
 
@@ -243,3 +252,52 @@ def test_a_tick_that_does_not_end_is_said_to_be_none_of_the_past(run: Run, monke
     monkeypatch.setattr("sleepcast.console.past.LOOK", 0.0)
     with pytest.raises(RerunError, match="is not over yet"):
         asyncio.run(run.past.look(LAST + 1, -1))
+
+
+SEEING = (
+    "(WHEN (< id 9) (JOIN bravo))",
+    "(RULE steer (PROGN (DEFVAR v 0) (SETQ v (SUM-OVER (n 4m) (* (OF n distance) (OF n heading)))) "
+    "(FOR-NEIGHBOURS (n 2m) (SETQ v (+ (/ v 2) (OF n x)))) "
+    "(DRIVE (* 0.3 (MIN 1 (SCAN-MIN -30deg 30deg))) (CLAMP (SUM-OVER (n 4m) (OF n bearing)) -1 1))))",
+)
+ASKED = (
+    "(WHEN (> (SUM-OVER (n 4m) (OF n distance)) (SCAN-MIN -45deg 45deg)) "
+    '(REPORT "sees" v (COUNT-OVER (n 4m) (OF n bravo)) (BEST-OVER (n 4m) (OF n distance)) (OF (NEAREST_ID 4m) y)))'
+)
+
+
+def test_what_robots_saw_of_neighbours_and_by_scanners_is_played_back(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scenario, file = tmp_path / "scenario.toml", tmp_path / "run.mcap"
+    scenario.write_text(
+        SCANNERS.replace("count = 40", "count = 20").replace("[neighbours]", '[neighbours]\nshows_groups = ["bravo"]')
+    )
+    with sc.open(scenario, seed=2) as fleet, fleet.record(file, pictures=0.5):
+        for text in SEEING:
+            fleet.send(text, everybody=True)
+        fleet.run(1.0)
+        sent = fleet.send(ASKED, everybody=True)
+        fleet.run(1.0)
+        whys = [encode(Explained(1, show_why(fleet.why(name, sent)))) for name in fleet.names]
+        assert 0 < sent.account.n_matched < 20
+        assert np.isfinite(fleet["v"]).all()
+        view = SwarmAdapter(fleet.swarm)
+        tick, poses, asked = view.tick, view.poses(), sent.id
+        fleet.run(1.0)
+    verified = called_here(capsys, "replay", str(file), "--verify", "--json")
+    assert verified.status == 0, verified.err
+    assert json.loads(verified.out)["verified"] == {"same": True, "compared": 2, "differs_from_tick": None}
+    recording = load_recording(file)
+    past = RecordedPast(recording, load_timeline(recording))
+
+    async def ask() -> None:
+        running = asyncio.create_task(past.live())
+        while "being run again" in past.kept:
+            await asyncio.sleep(0.01)
+        assert past.kept.startswith("Kept since")
+        assert (await past.look(tick, 0)).poses == poses
+        assert [bytes(await past.why(tick, Why(1, robot, asked))) for robot in range(20)] == whys
+        running.cancel()
+
+    asyncio.run(ask())

@@ -4,17 +4,27 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from contextlib import nullcontext
 
 import pytest
 
-from safety.scene import Scene
+from cli.calling import called_here
+from safety.scene import START, Scene
 from sleepcast.channel import Kind, Message
+from sleepcast.cli.tui.session import TuiSession
+from sleepcast.console.adapters.channel import EMPTY, FleetAdapter
+from sleepcast.console.features.send import Send
+from sleepcast.console.network import NetworkBackend
+from sleepcast.console.outgoing import Refused
+from sleepcast.console.swarm_dialogue import SwarmDialogue
+from sleepcast.console.view import Scene as Ground
 from sleepcast.core.model import Quantity
 from sleepcast.language import CheckError, HostFunction, Vocabulary
 from sleepcast.mind.telemetry import vocabulary_text
 from sleepcast.node.node import Node
 from sleepcast.station.network import PRESENT_FOR, NetworkStation
 from sleepcast.station.prepared import Terms
+from sleepcast.station.remote import RemoteMinds, TelemetryClient
 from sleepcast.station.validation import Audience
 from sleepcast.station.whose_names import WITHOUT_THESE
 from station.far import Far
@@ -237,3 +247,71 @@ def mixed() -> Fleet:
     seeing = (("SCAN-MIN", 2), ("SCAN-GAP", 2), ("SEES", 3))
     functions = (HostFunction(name, _drive, (None,) * count, acts=False) for name, count in seeing)
     return Fleet(r1=rover("new", *functions), tiny=old)
+
+
+GUARD = "(RULE guard (MARK) :priority 2)"
+REFUSED = f":priority at 1:20 is not known to old (r2): {WITHOUT_THESE}"
+
+
+class Seat:
+    """A desk on a radio with three robots that have told of themselves; r2 knows no new forms."""
+
+    def __init__(self) -> None:
+        self.scene, minds = Scene(robots=3), RemoteMinds()
+        old = rover("old")
+        old.forms = frozenset()
+        self.scene.fleet["r2"].node = Node("r2", old, number=2)
+        self.scene.fleet["r2"].node.sense((2.0,), 0.0)
+        self.desk = self.scene.desk(minds=minds)
+        self.telemetry = TelemetryClient(self.desk, minds)
+        self.desk.listeners.append(self.telemetry.hear)
+        for _ in range(3):  # they are asked for what they are, too
+            self.telemetry.look()
+            self.scene.run(0.5)
+        assert set(minds) == {"r0", "r1", "r2"}
+
+    def leave(self) -> None:
+        """r2 goes, and is not there any more after a while."""
+        assert not self.desk.commands()
+        self.scene.isolate("r2")
+        self.scene.run(PRESENT_FOR + 1.0)
+
+    def sent(self) -> list[str]:
+        return [command.text for command in self.desk.commands()]
+
+
+def test_the_command_line_refuses_it(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    seat = Seat()
+    monkeypatch.setattr(
+        "sleepcast.cli.send.observing_station", lambda *_, **__: nullcontext((seat.desk, seat.telemetry))
+    )
+    for insists in ((), ("--anyway",), ("--blind", "--anyway"), ("--only", "r1,r2")):
+        found = called_here(capsys, "send", GUARD, "--all", *insists)
+        assert (found.status, found.out) == (2, "")
+        assert REFUSED in found.err
+    assert not seat.desk.commands()
+
+
+def test_the_page_refuses_it_until_the_robot_has_left() -> None:
+    seat = Seat()
+    ground = Ground("air", "", "robots", (), EMPTY, "m", ())
+    fleet = FleetAdapter(seat.desk, seat.telemetry, ground, 1.0, START)
+    page = SwarmDialogue(NetworkBackend(fleet, seat.desk, seat.scene.clock, START))
+    send = Send(4, GUARD, everybody=True, confirmed=True)
+    refused = page.answer(send)
+    assert isinstance(refused, Refused)
+    assert (refused.serial, REFUSED in refused.reason) == (4, True)
+    seat.leave()
+    assert not isinstance(page.answer(send), Refused)
+    assert seat.sent() == [GUARD]
+
+
+def test_the_terminal_desk_refuses_it_until_the_robot_has_left() -> None:
+    seat = Seat()
+    session = TuiSession(seat.desk, seat.telemetry, 2.0)
+    session.address("all")
+    assert not session.enter(GUARD), "the text stays typed"
+    assert (session.wrong, REFUSED in session.message) == (True, True)
+    seat.leave()
+    assert session.enter(GUARD)
+    assert seat.sent() == [GUARD]

@@ -22,6 +22,7 @@ from sleepcast.mind.telemetry import read_vocabulary, vocabulary_text
 from sleepcast.node.node import Node
 from sleepcast.simulator import Simulator
 from sleepcast.simulator.engine import Machine
+from sleepcast.simulator.laser.sectors import within
 from sleepcast.simulator.scenario.scenario import Scenario, read_scenario
 
 TEXT = """
@@ -337,3 +338,14 @@ def test_a_far_desk_knows_their_arguments() -> None:
     assert "SEES" in error.message, error
     (error,) = check("(SCAN-GAP 1)", FreshNames(far)).findings
     assert error.message.startswith("(SCAN-GAP a b [free]) takes 2 to 3 arguments, got 1")
+
+
+def test_a_sector_that_rounding_has_made_narrower_than_nothing_is_one_direction() -> None:
+    angles = np.radians([-90.0, 0.0, 17.0, 90.0])
+    first, last = (
+        np.array([[0.1 + 0.2], [0.0], [np.radians(370.0)], [2e-10]]),
+        np.array([[0.3], [-1e-12], [np.radians(10.0)], [0.0]]),
+    )
+    assert not within(np.array([-1.0, 0.2, 0.4, 3.0]), first, last).any()
+    assert within(angles, 0.0, np.nextafter(2.0 * np.pi, 0.0)).all()
+    assert within(angles, np.radians(17.0), np.radians(17.0)).tolist() == [False, False, True, False]

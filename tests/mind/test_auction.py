@@ -10,6 +10,7 @@ from benchmarks.auctions import LIFE, Rounds, best, quorum
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sleepcast.mind import auction
 from sleepcast.mind.auction import (
     LATE,
     SOON,
@@ -131,6 +132,29 @@ def test_a_place_is_given_again_when_its_lease_and_the_clocks_bound_are_over_or_
     assert not caller.is_over(10.1)
     caller.hear("r1", 1, heard(99, phase=BidPhase.MEMBER), 10.2)  # it said so long ago
     assert caller.status().members == ()
+
+
+def test_a_caller_remembers_so_many_bids_and_robots_that_are_gone_and_all_who_were_chosen(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(auction, "MAX_BIDS", 10)
+    caller = Auctioneer(best(2), 7, 0.0, 60.0)
+    for number in range(100):
+        caller.hear(f"r{number}", 1, heard(1, float(number)), 0.9)
+        assert len(caller.status().bids) <= 20
+    caller.step(1.0)
+    for number in range(1_000):  # somebody with a key goes on, with ever better bids, after all places are taken
+        caller.hear(f"f{number}", 1, heard(1, -1.0), 1.1)
+        caller.hear(f"g{number}", 1, heard(1, phase=BidPhase.OUT), 1.1)
+    status = caller.status()
+    assert status.chosen == ("r0", "r1")
+    assert len(status.bids) <= 20
+    assert {"r0", "r1"} < status.bids.keys()
+    assert len(caller._gone) <= 20
+    assert "g999" in caller._gone
+    grants = caller.step(1.2)
+    assert grants is not None
+    assert list(grants.granted) == ["r0", "r1"]
 
 
 def test_a_member_leaves_by_itself_when_its_lease_is_not_renewed() -> None:

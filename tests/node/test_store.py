@@ -143,6 +143,24 @@ def test_what_a_robot_is_by_a_lease_ends_with_its_life_and_a_bid_does_too(tmp_pa
     assert mind_of(robot.node).endings == ()
 
 
+def test_a_rule_that_a_later_command_has_changed_outlives_the_lease_and_a_restart(tmp_path: Path) -> None:
+    fleet, robot = one(tmp_path)
+    poll = fleet.post("(BEST 1 1 TRUE (PROGN (JOIN crew) (RULE shine (MARK))))")
+    fleet.run(0.3)
+    assert robot.node.bidding is not None
+    (bid,) = (each.bid for each in robot.node.bidding._open)
+    grants = GrantMessage(poll.sequence, True, {robot.name: max(bid._beats)}, ())
+    fleet.air.desk.delivery.post(Kind.REQUEST, fleet.air.clock.now(), body=grants.body())
+    fleet.run(0.3)
+    fleet.post("(RULE shine (UNMARK))")
+    fleet.run(0.3)
+    robot.die()
+    robot.begin()
+    fleet.run(0.3)
+    assert robot.node.evaluate("(IN crew)").value == 0.0
+    assert rules(robot) == [("shine", "(UNMARK)", True)]
+
+
 def test_stop_holds_over_a_death_and_built_in_rules_are_nobodys(tmp_path: Path) -> None:
     fleet, robot = one(tmp_path)
     robot.node.install("keep", "(NOTE 1)")

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import msgspec
 import pytest
 
 from safety.scene import VOCABULARY, Scene
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import HOPS
 from sleepcast.language import CheckError
-from sleepcast.mind.auction import AuctionStatus
+from sleepcast.mind.auction import AuctionStatus, BidMessage, BidPhase, GrantMessage
 from sleepcast.node.node import Node
 from sleepcast.station.account import Account
 from sleepcast.station.network import NetworkStation, RoleError
@@ -280,6 +281,24 @@ def test_a_robot_takes_part_in_so_many_auctions_of_one_caller_and_of_all() -> No
     scene.run(2.5)
     refused = [desk.accounting(each.id).n_fault for desk, each in sent]
     assert refused == [*[0] * 8, 1] * 2 + [1] * 9
+
+
+def test_bids_of_many_others_do_not_keep_a_grant_out() -> None:
+    scene = Scene(robots=2)
+    chief = scene.desk()
+    chief.send("(BEST 1 x TRUE (JOIN red))", confirmed=True)
+    scene.run(0.4)
+    robot = scene.fleet["r0"].node
+    assert robot.bidding is not None
+    poll, bid = robot.bidding._open[0].poll, robot.bidding._open[0].bid
+    grants = GrantMessage(poll.sequence, True, {"r0": max(bid._beats)}, ())
+    about = {"kind": Kind.REQUEST, "issued": poll.issued}
+    robot.receive(msgspec.structs.replace(poll, sequence=poll.sequence + 1_000, text="", body=grants.body(), **about))
+    other = BidMessage(poll.sender, poll.epoch, poll.sequence, 1, BidPhase.BIDDING, 9.0).body()
+    for number in range(1_000):
+        robot.receive(Message(f"r{number + 2}", 1, 1, body=other, **about))
+    robot.think(1_000, scene.clock.now() - scene.fleet["r0"].session.zero)
+    assert "red" in robot.groups
 
 
 def test_grants_of_somebody_else_make_nobody_a_member() -> None:

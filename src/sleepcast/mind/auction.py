@@ -43,7 +43,8 @@ FAREWELLS = 4
 CLOSING = 2.0
 """Seconds for which a caller says that nobody else is chosen, if it has no member to tell anything."""
 MAX_BIDS = 10_000
-"""Bids that a caller remembers; of more, the worst ones go."""
+"""Bids that a caller remembers, and robots that are out; when it has heard of twice as many, the worst bids go, and the
+robots that went first."""
 
 
 class BidPhase(StrEnum):
@@ -292,7 +293,7 @@ class Auctioneer:
         self.is_open, self.started, self.ended = True, False, False
         self._bids: dict[str, HeardBid] = {}
         self._places: dict[str, TakenPlace] = {}
-        self._gone: set[str] = set()
+        self._gone: dict[str, None] = {}
         """Who is out, or was not heard until its place was over."""
         self._costs: dict[str, float] = {}
         self._chosen: dict[str, None] = {}
@@ -319,8 +320,8 @@ class Auctioneer:
             confirmed = said.phase is BidPhase.MEMBER
             self._obeyed |= dict.fromkeys([name] if confirmed else [])
             self._places[name] = TakenPlace(said.beat, self._outlasting(now), confirmed)
-        if len(self._bids) > MAX_BIDS:
-            del self._bids[max((each for each in self._bids if each not in self._places), key=self._rank)]
+        if len(self._costs) > 2 * MAX_BIDS:
+            self._forget_the_worst()
 
     def step(self, now: float) -> GrantMessage | None:
         """Do what is due; what to say to all robots now, if anything."""
@@ -395,9 +396,18 @@ class Auctioneer:
     def _rank(self, name: str) -> tuple[float, object, str]:
         return rank(self._bids[name].cost, name)
 
+    def _forget_the_worst(self) -> None:
+        """Keep MAX_BIDS bids, those of all who were chosen among them."""
+        ranks = {name: (name not in self._chosen, rank(cost, name)) for name, cost in self._costs.items()}
+        kept = set(sorted(ranks, key=ranks.__getitem__)[:MAX_BIDS])
+        self._costs = {name: cost for name, cost in self._costs.items() if name in kept}
+        self._bids = {name: bid for name, bid in self._bids.items() if name in kept}
+
     def _part_with(self, name: str, now: float) -> None:
         """A robot is out, or has had its time: its place is free."""
-        self._gone.add(name)
+        self._gone[name] = None
+        if len(self._gone) > 2 * MAX_BIDS:
+            self._gone = dict.fromkeys([*self._gone][-MAX_BIDS:])
         self._bids.pop(name, None)
         if self._places.pop(name, None) is not None:
             self._changed = now

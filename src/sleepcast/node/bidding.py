@@ -7,11 +7,11 @@ has joined and which rules it got by the command end with its lease, also if the
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from math import isnan
 from typing import Protocol
 
-from sleepcast.channel.message import OUTBID, UNKNOWN, WITHIN, Message
+from sleepcast.channel.message import GRANTS, OUTBID, UNKNOWN, WITHIN, Message
 from sleepcast.language.parts import Auction
 from sleepcast.mind.auction import Bid, BidPhase, GrantMessage
 from sleepcast.mind.rules import Rule
@@ -63,6 +63,14 @@ class OpenBid:
         self.answered = False
         self.endings: tuple[str, ...] = ()
 
+    def still_to_end(self, rules: Mapping[str, Rule]) -> Iterator[str]:
+        """Those of the endings that still mean what the command has made: a later one may have changed a rule."""
+        texts = dict(self.bid.auction.rules)
+        for text in self.endings:
+            key = text[len(_FORGET) : -1] if text.startswith(_FORGET) else ""
+            if not key or (key in rules and rules[key].text == texts.get(key)):
+                yield text
+
 
 class Bidding:
     """All bids of one robot."""
@@ -79,18 +87,17 @@ class Bidding:
         """Whether the next tick has something to do."""
         return bool(self._open) or bool(self._left_over)
 
-    @property
-    def endings(self) -> tuple[str, ...]:
-        """The texts that end what it is a member by, for its store."""
-        return (*self._left_over, *(text for each in self._open for text in each.endings))
+    def endings(self, rules: Mapping[str, Rule]) -> tuple[str, ...]:
+        """The texts that end what it is a member by, for its store. rules: that the robot has, by key."""
+        return (*self._left_over, *(text for each in self._open for text in each.still_to_end(rules)))
 
     def restore(self, endings: tuple[str, ...]) -> None:
         """The robot was a member when its life before this one ended: that ends now."""
         self._left_over = endings
 
     def hear(self, message: Message) -> None:
-        """Keep what a caller says for the next tick."""
-        if self._open:
+        """Keep what a caller says for the next tick. What others say, such as their bids, takes no room from it."""
+        if GRANTS in message.body and any(_is_of(message, each.poll) for each in self._open):
             self._grants.append(message)
 
     def stop(self) -> None:
@@ -115,11 +122,14 @@ class Bidding:
         spread = within if isinstance(within, float) and within > 0.0 else 0.0
         self._open.append(OpenBid(message, Bid(auction, poll, robot.name, cost, now, message.deadline, spread)))
 
-    def tick(self, robot: Evaluating, now: float) -> None:
-        """Do what the callers have said, leave what is over, and say how the robot stands."""
+    def end_left_over(self, robot: Evaluating) -> None:
+        """End what a life before this one was a member by, before the robot hears anything new."""
         for text in self._left_over:
             robot.end(text)
         self._left_over = ()
+
+    def tick(self, robot: Evaluating, now: float) -> None:
+        """Do what the callers have said, leave what is over, and say how the robot stands."""
         while self._grants:
             message = self._grants.popleft()
             grants = GrantMessage.of(message.body)
@@ -150,12 +160,8 @@ class Bidding:
 
     def _part(self, robot: Evaluating, each: OpenBid) -> None:
         """The robot is out: end what the command has made of it, or answer that it was not chosen."""
-        texts = dict(each.bid.auction.rules)
-        for text in each.endings:
-            key = text[len(_FORGET) : -1] if text.startswith(_FORGET) else ""
-            rule = robot.rules_by_key.get(key)
-            if not key or (rule is not None and rule.text == texts.get(key)):  # a later command may have changed it
-                robot.end(text)
+        for text in tuple(each.still_to_end(robot.rules_by_key)):
+            robot.end(text)
         each.endings = ()
         if not each.answered:
             each.answered = True

@@ -331,6 +331,8 @@ class Node:
             self._let_go()
         for rule in memory.records.expire(now):
             self._report(f"lease of {rule.name} ended", ())
+        if self.bidding is not None:
+            self.bidding.end_left_over(self)
         self._obey_waiting(now)
         if self.bidding is not None and self.bidding.is_busy:
             self.bidding.tick(self, now)

@@ -49,7 +49,7 @@ def mind_of(node: Node) -> MindState:
         None if failed else min(memory.tick - memory.unproven_since, PROVEN_TICKS),
         memory.base.merging.state(),
         node.doubt,
-        () if node.bidding is None else node.bidding.endings,
+        () if node.bidding is None else node.bidding.endings(node.rules_by_key),
     )
 
 
@@ -64,7 +64,7 @@ def fingerprint(node: Node) -> tuple[object, ...]:
         *(
             node.stopped,
             node.doubt,
-            () if node.bidding is None else node.bidding.endings,
+            () if node.bidding is None else node.bidding.endings(node.rules_by_key),
             repr(node.authority.state(0.0)),
             proven,
             memory.records.version,

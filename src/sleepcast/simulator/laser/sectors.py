@@ -30,7 +30,7 @@ APART = 1.5
 def within(angles: Floats, first: Floats, last: Floats) -> Flags:
     """Whether each angle lies in the sector from `first` to `last`, rad; all broadcast."""
     wide = last - first
-    wide = np.where(wide >= TURN, wide, np.mod(wide, TURN))
+    wide = np.where(wide >= TURN - ENDS, TURN, np.maximum(np.mod(wide + ENDS, TURN) - ENDS, 0.0))
     inside: Flags = np.mod(angles - first + ENDS, TURN) <= wide + 2.0 * ENDS
     return inside
 

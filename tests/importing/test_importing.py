@@ -229,6 +229,30 @@ def test_other_rangers_of_stage(imported: Import) -> None:
     assert "robots without a ranger: they have one here: a scenario's scanner is that of all" in said
 
 
+@pytest.mark.parametrize(
+    ("sensor", "beams", "first", "last"),
+    [
+        ("fov 359 samples 360", 360, -149.5, 209.5),
+        ("fov 360 samples 361", 360, -150.0, 209.0),
+        ("fov 180 samples 2", 2, -60.0, 120.0),
+        ("fov 359.99999999 samples 361", 360, -150.0, 209.0),
+        ("fov 359.9999 samples 361", 361, -149.99995, 209.99995),
+        ("fov 90 samples 10 range [0 1e12]", 10, -15.0, 75.0),
+    ],
+)
+def test_beams_of_rangers_of_stage_look_where_they_did(
+    imported: Import, sensor: str, beams: int, first: float, last: float
+) -> None:
+    laser = imported("a.world", RANGERS.replace("fov 180 samples 181", sensor))[1].laser
+    assert laser is not None
+    assert laser.beams == beams
+    assert (degrees(laser.first), degrees(laser.last)) == pytest.approx((first, last), abs=1e-5)
+
+
+def test_a_ranger_that_reaches_nowhere_is_none(imported: Import) -> None:
+    assert imported("a.world", RANGERS.replace("range [0.1 8]", "range [0 1e-7]"))[1].laser is None
+
+
 OTHERS = """
 define second position ( size [0.4 0.4 0.2] ranger ( sensor ( samples 5000 fov 90 ) ) )
 second ( pose [2 0 0 0] )

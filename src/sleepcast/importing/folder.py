@@ -262,8 +262,9 @@ def _hardware(hardware: Hardware) -> Iterator[str]:
 
 def _laser(model: LaserModel) -> Iterator[str]:
     yield from ("", "[laser]", f"beams = {model.beams}")
+    if (first := _number(degrees(model.first))) != "-180":
+        yield f'from = "{first}deg"'
     if not model.closed:
-        yield f'from = "{_number(degrees(model.first))}deg"'
         yield f'to = "{_number(degrees(model.last))}deg"'
     yield f'range = "{_number(model.reach)}m"'
     if model.noise:

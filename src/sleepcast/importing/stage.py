@@ -20,11 +20,15 @@ from sleepcast.core.errors import MisuseError
 from sleepcast.core.settings import SettingsError, read_text
 from sleepcast.importing.found import Bitmap, Found, FoundRobots, Frame, Hardware, Outline, Point, bounds, rectangle
 from sleepcast.simulator.scenario.areas import MAX_AREAS
-from sleepcast.simulator.scenario.scanners import LEAST_FIELD, MAX_BEAMS, WHOLE, LaserModel
+from sleepcast.simulator.scenario.robot_settings import LEAST, MAX_WORLD
+from sleepcast.simulator.scenario.scanners import LEAST_FIELD, MAX_BEAMS, LaserModel
 from sleepcast.simulator.scenario.starts import StartPose
 from sleepcast.simulator.simd.formulas import TURN
 from sleepcast.simulator.world.ros_map import MAX_PIXELS, contours, picture
 
+NEARLY = 1e-7
+"""By how much a field may be less than a whole turn, rad, and count as one: angles are written to a millionth of a
+degree."""
 MAX_FILE = 4 * 1_048_576
 MAX_TOKENS = 500_000
 MAX_INCLUDES = 32
@@ -286,16 +290,17 @@ class _World:
         sensor, places = sensors[0], [self._frame(each) for each in (sensors[0], ranger)]
         beams, field = int(self._number(sensor, "samples", 1)), self._turn(self._number(sensor, "fov", 0.0))
         reach = self._list(sensor, "range", [0.0, 5.0])[1] * self._metre
-        if beams < 2 or field < LEAST_FIELD or reach <= 0.0:
+        if beams < 2 or field < LEAST_FIELD or reach < LEAST:
             return None
         if any(each.x or each.y for each in places):
             self._found.leave_out("a ranger that is not in the middle of its robot", "it is here")
-        whole = field >= TURN - WHOLE  # the last beam of such a one is the first one again
+        whole = field >= TURN - NEARLY  # the last beam of such a one is the first one again
         if beams - whole > MAX_BEAMS:
             self._found.leave_out(f"ranger of {beams} beams", f"it has {MAX_BEAMS}, as many as there may be")
             beams = MAX_BEAMS + whole
         first = remainder(sum(each.turn for each in places), TURN) - min(field, TURN) / 2.0
         noise = sqrt(max(0.0, self._list(sensor, "noise", [0.0, 0.0])[0] * self._metre))
+        reach = min(reach, MAX_WORLD)
         return LaserModel(beams - whole, first, min(field, TURN) / (beams - 1), 0.0, reach, min(noise, reach))
 
     def _number(self, model: Model, key: str, default: float) -> float:

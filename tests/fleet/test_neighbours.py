@@ -54,6 +54,10 @@ TEXTS = (
     "(LET ((far 0)) (FOR-NEIGHBOURS (n 12m) (SETQ far (+ (/ far 2) (OF n distance)))) far)",
     "(SUM-OVER (n (* 2m (NEAREST_DIST 12m))) (OF n x))",
     "(SUM-OVER (n 12m) (IF (OF n bravo) n (- n)))",
+    "(SUM-OVER (n 12m) (NEAREST_ID (- (OF n distance) 1cm)))",
+    "(SUM-OVER (n 12m) (GAP (OF n distance)))",
+    "(SUM-OVER (n 12m) (RANK_DIST (MOD n 3) (OF n distance)))",
+    "(SUM-OVER (n 12m) (CELL_X (OF n distance) (MOD n 2)))",
     "(NEAREST_ID 12m)",
     "(NEAREST_ID 12m 1)",
     "(OF (NEAREST_ID 12m) heading)",
@@ -126,6 +130,18 @@ def test_all_robots_at_once_come_to_what_each_comes_to(
     sim = world(tmp_path, machine, loss=loss, noise=noise)
     for text, values, wanted in zip(TEXTS, together(sim), alone(sim), strict=True):
         assert values == wanted, text
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+def test_all_neighbours_at_once_come_to_what_one_after_the_other_does(tmp_path: Path, machine: Machine) -> None:
+    sim = world(tmp_path, machine)
+    fleet, told = Swarm(sim).fleet, 0
+    for text, wanted in zip(TEXTS, together(sim), strict=True):
+        if not any(faults for _, faults in wanted) and "PROB" not in text:
+            values = fleet.values_of(text, 0.0)[list(ASKED)].tolist()
+            assert [value.hex() for value in values] == [bits for bits, _ in wanted], text
+            told += 1
+    assert told > 12
 
 
 @pytest.mark.skipif(len(ALL) == 1, reason="there is one machine")

@@ -88,6 +88,9 @@ TEXTS = (
     "(SEES (MOD id 2) -180deg 180deg)",
     "(SEES red (* id 10deg) (* id 25deg))",
     "(SEES UNKNOWN 0 1)",
+    "(SUM-OVER (n 4m) (SEES (MOD n 2) (OF n bearing) (+ (OF n bearing) (* n 5deg))))",
+    "(SUM-OVER (n 4m) (SCAN-MIN (OF n bearing) (+ (OF n bearing) 30deg)))",
+    "(SUM-OVER (n 4m) (SCAN-GAP (OF n bearing) (+ (OF n bearing) 90deg) (* n 10cm)))",
     "(/ (SEES red -10deg 10deg) (SEES 9 -10deg 10deg))",
 )
 RULES = """
@@ -129,11 +132,14 @@ def together(sim: Simulator, robots: range = range(40)) -> list[list[tuple[str, 
 def test_all_robots_at_once_come_to_what_each_comes_to(machine: Machine) -> None:
     sim, robots = world(machine), range(0, 40, 5)
     found = together(sim, robots)
-    vocabulary = Swarm(sim).vocabulary
+    fleet, vocabulary = Swarm(sim).fleet, Swarm(sim).vocabulary
     minds = [Node("one", vocabulary, number=robot + 1, seed=sim.seed, body=sim.robots[robot]) for robot in robots]
     for text, values in zip(TEXTS, found, strict=True):
         results = [mind.evaluate(text) for mind in minds]
         assert values == [(each.value.hex(), tuple(fault.reason for fault in each.faults)) for each in results], text
+        if not any(faults for _, faults in values):
+            asked = fleet.values_of(text, 0.0)[list(robots)].tolist()
+            assert [value.hex() for value in asked] == [bits for bits, _ in values], text
 
 
 @pytest.mark.skipif(len(ALL) == 1, reason="there is one machine")
@@ -245,6 +251,16 @@ class TestBadInput:
             assert (
                 warning.message == f"{text.split()[0][1:]} at 1:2 is a fault on these robots, which have no {lacking}"
             )
+
+
+@pytest.mark.parametrize("wrong", [[-1], [0, 99], [0.5], [True, False], [[0]], [nan]])
+def test_indices_of_robots_that_there_are_not(wrong: list[float]) -> None:
+    simulator = world()
+    measured = simulator.scans()
+    with pytest.raises(MisuseError, match="robots are numbered from 0 to "):
+        simulator.scans(np.array(wrong))
+    assert simulator.scans(np.array([])).shape == (0, measured.shape[1])
+    assert np.array_equal(simulator.scans(np.array([1, 0, 1])), measured[[1, 0, 1]])
 
 
 def test_nothing_is_measured_where_nobody_asks(monkeypatch: pytest.MonkeyPatch) -> None:

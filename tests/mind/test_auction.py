@@ -202,6 +202,19 @@ def test_a_grant_that_comes_when_its_lease_or_the_deadline_is_over_is_none() -> 
         assert not mine.hear(granting("r1", said.beat), 1, now)
 
 
+def test_a_robot_bids_seldom_while_it_hears_nothing_of_the_caller() -> None:
+    mine = Bid(best(1), POLL, "r1", 1.0, 0.0, 3_600.0, 0.0)
+
+    def bids(begin: float, seconds: float) -> int:
+        return sum(mine.say(begin + tenth / 10.0) is not None for tenth in range(int(seconds * 10.0)))
+
+    assert bids(0.0, 5.0) >= 40
+    assert bids(20.0, 10.0) == 10
+    mine.hear(GrantMessage(7, True, {}, ()), 1, 30.0)
+    assert bids(31.0, 5.0) >= 35, "the caller is there again"
+    assert bids(50.0, 10.0) == 10
+
+
 def test_who_hears_of_enough_better_bids_is_silent_until_one_of_them_is_gone() -> None:
     mine = bid(cost=5.0, most=2)
     assert mine.say(0.0) is not None

@@ -493,10 +493,13 @@ Faults = Callable[[Part, Rows, Index, Sequence[str]], None]
 @lru_cache(maxsize=4_096)
 def is_pairwise(part: Part) -> bool:
     """Whether `part` can be evaluated for all neighbours of all robots at once: it does, draws and enters nothing."""
-    return all(
-        inside.op in _PAIRWISE or (inside.op == "host" and not is_acting(inside) and host_of(inside).many is not None)
-        for inside in walk(part)
-    )
+    return all(inside.op in _PAIRWISE or (inside.op == "host" and _repeats(inside)) for inside in walk(part))
+
+
+def _repeats(part: Part) -> bool:
+    """Whether a robot's own function can be asked of one robot for several of its neighbours at once."""
+    function = host_of(part)
+    return function.repeats and function.many is not None and not is_acting(part)
 
 
 @lru_cache(maxsize=4_096)

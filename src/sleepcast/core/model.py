@@ -164,6 +164,8 @@ class HostFunction:
     native: how native code calls it, if it only senses; None where it cannot.
     writes: all that it does, if it acts and does no more than that; its value is 1.
     neighbours: how robots that have this function tell who is near them; None for all functions but NEAREST_ID.
+    repeats: whether `many` takes a robot several times at once, with arguments that differ; else it is asked of each
+        robot once at a time.
     """
 
     name: str
@@ -183,6 +185,7 @@ class HostFunction:
     native: NativeForm | None = field(default=None, compare=False)
     writes: tuple[Writing, ...] = field(default=(), compare=False)
     neighbours: NeighbourSensor | None = field(default=None, compare=False)
+    repeats: bool = field(default=False, compare=False)
 
     @property
     def usage(self) -> str:

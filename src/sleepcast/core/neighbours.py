@@ -57,7 +57,16 @@ def field_named(
     """One of `NeighbourSensor.fields`: what neighbours show under this name, in this unit ("": a plain number)."""
     dimension = UNITS[unit].dimension if unit else NONE
     function = HostFunction(
-        f"OF {name}", call, (NONE,), arguments="n", result=dimension, acts=False, doc=doc, many=many, unit=unit
+        f"OF {name}",
+        call,
+        (NONE,),
+        arguments="n",
+        result=dimension,
+        acts=False,
+        doc=doc,
+        many=many,
+        unit=unit,
+        repeats=True,
     )
     return name, function
 

@@ -28,6 +28,9 @@ from sleepcast.language.parts import Auction
 
 SOON = 0.1
 """Seconds between two messages about a bid that nobody has answered yet, or a grant that nobody has confirmed."""
+QUIET, SELDOM = 10.0, 1.0
+"""Seconds for which a robot bids that often although it hears nothing of the caller, who may be gone; and between two
+of its bids from then on."""
 LEAST_BEAT, MOST_BEAT, BEATS = 0.2, 5.0, 20
 """The same for a lease that goes on, at least and at most; and how often they come in it."""
 DRIFT = 1e-3
@@ -163,7 +166,7 @@ class Bid:
         # Of two robots of one name, a grant means the one whose beats it names.
         self._beat, self._pace = chance, beat_of(auction.lease)
         self._next = now + chance / 2**32 * min(spread, auction.window / 2)
-        self._latest, self._farewells = -1, FAREWELLS
+        self._latest, self._heard, self._farewells = -1, now, FAREWELLS
         self._best: tuple[tuple[float, str], ...] = ()
 
     def hear(self, grants: GrantMessage, sequence: int, now: float) -> bool:
@@ -172,7 +175,7 @@ class Bid:
         if self.phase is BidPhase.OUT or grants.number != self.number:
             return False
         if sequence > self._latest:
-            self._latest, self._best = sequence, grants.best
+            self._latest, self._heard, self._best = sequence, now, grants.best
         beat = grants.granted.get(self.name)
         if beat in self._beats:
             self.lease_ends = max(self.lease_ends, self._beats[beat] + self.auction.lease)
@@ -205,7 +208,8 @@ class Bid:
         if now < self._next or (out and not self._farewells) or (self.phase is BidPhase.BIDDING and self._is_beaten()):
             return None
         self._farewells -= out
-        pause = SOON if self.phase is BidPhase.BIDDING else self._pace
+        hopeful = SOON if now < self._heard + QUIET else SELDOM
+        pause = hopeful if self.phase is BidPhase.BIDDING else self._pace
         self._next, self._beat = now + pause, self._beat + 1
         self._beats = {beat: sent for beat, sent in self._beats.items() if now < sent + self.auction.lease}
         self._beats[self._beat] = now

@@ -167,10 +167,15 @@ class Simulator:
         """What the laser scanners of the robots with these indices (None: all) measure in this tick: m from the robot's
         centre, shape (robots, beams), float32, beams counter-clockwise as `scenario.laser` says; infinite where nothing
         is within the scanner's range, minus infinite where something is nearer than it can measure. A second call in
-        the same tick gives the same values. Raises MisuseError where robots have no scanners."""
+        the same tick gives the same values. Raises MisuseError where robots have no scanners, and for other indices."""
         if self.bodies.scanner is None:
             raise MisuseError("these robots have no laser scanner: a table [laser] in the scenario gives them one")
-        return self.bodies.scans(np.arange(self.bodies.count) if robots is None else robots).copy()
+        count = self.bodies.count
+        some = np.arange(count) if robots is None else np.asarray(robots)
+        numbers = some.ndim == 1 and (some.dtype.kind in "iu" or not some.size)
+        if not numbers or some.min(initial=0) < 0 or some.max(initial=0) >= count:
+            raise MisuseError(f"robots are numbered from 0 to {count - 1}: wanted such numbers, not {robots!r:.80}")
+        return self.bodies.scans(some.astype(np.intp)).copy()
 
     def place(self, number: int, x: float, y: float, heading: float) -> None:
         """Put robot `number` at this pose (m, rad), at rest; its odometry is set to the same pose."""

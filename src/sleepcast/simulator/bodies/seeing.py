@@ -18,7 +18,7 @@ from sleepcast.simulator.laser.sectors import gap, least, within
 from sleepcast.simulator.scenario.scanners import CameraModel
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.simd.formulas import arc_tangent
-from sleepcast.simulator.world.grid import Whole, candidates
+from sleepcast.simulator.world.grid import Whole, candidates, spread
 
 MAX_PAIRS = 1 << 20
 """Pairs of robots that cameras look at together: some hundred megabytes."""
@@ -59,15 +59,18 @@ class Eyes:
         return found
 
     def _seen_by(self, camera: CameraModel, robots: Whole, colour: Floats, first: Floats, last: Floats) -> Floats:
-        """As `seen`, for some robots."""
+        """As `seen`, for some robots, of which one may ask several times: for each of its neighbours."""
         bodies, near = self._bodies, self._near
         assert near
-        images, index = bodies.near.images(bodies.x, bodies.y), np.empty(bodies.count, np.int64)
-        index[robots] = np.arange(len(robots))
-        grid, points = bodies.near.grid, bodies.near.points(bodies.x, bodies.y)
-        robot, other = bodies.machine.pairs(grid, points, images.x, images.y, camera.reach, robots)
+        images, grid = bodies.near.images(bodies.x, bodies.y), bodies.near.grid
+        points, asking = bodies.near.points(bodies.x, bodies.y), np.unique(robots)
+        robot, other = bodies.machine.pairs(grid, points, images.x, images.y, camera.reach, asking)
+        by_robot = np.argsort(robots, kind="stable")
+        begin, end = (np.searchsorted(robots[by_robot], robot, side) for side in ("left", "right"))
+        pair, place = spread(np.arange(len(robot)), begin, end)
+        robot, other, row = robot[pair], other[pair], by_robot[place]
         dx, dy = images.x[other] - images.x[robot], images.y[other] - images.y[robot]
-        other, row = images.whose(other), index[robot]
+        other = images.whose(other)
         bearing = arc_tangent(dy, dx) - bodies.heading[robot]
         matched = (near.seen(COLOUR, other) == colour[row]) & within(bearing, first[row], last[row])
         robot, other, row = robot[matched], other[matched], row[matched]
@@ -118,7 +121,7 @@ def _asking(method: Callable[..., Floats]) -> dict[str, Any]:
         found[known] = method(bodies.senses.of(Eyes), robots[known], *(column[known] for column in columns))
         return found
 
-    return {"call": partial(_alone, many), "many": many, "acts": False}
+    return {"call": partial(_alone, many), "many": many, "acts": False, "repeats": True}
 
 
 def _alone(many: Callable[..., Floats], body: Body, *arguments: float) -> float:

@@ -84,6 +84,11 @@ class TestNeighbours:
         assert (first.tolist(), others.tolist()) == ([0, 1, 2, 4], [2, 2, 0, 1])
         assert np.isnan(near.shown("distance", robots, np.array([1.0, 0.0, 0.0]))).tolist() == [True, True, False]
 
+    def test_a_wall_of_very_short_pieces_hides(self, tmp_path: Path, machine: Machine) -> None:
+        pieces = ", ".join(f'["{10.0 + 1e-5 * (each % 2)}m", "{9.998 + 1e-4 * each}m"]' for each in range(41))
+        wall = f"\n[[world.walls]]\npoints = [{pieces}]\n"
+        assert ask(world(tmp_path, wall + NEAR, machine=machine), "COUNT", 9.0)[:3].tolist() == [1.0, 1.0, 2.0]
+
     def test_a_wall_that_moves_hides_where_it_is(self, tmp_path: Path, machine: Machine) -> None:
         sim = world(tmp_path, WALL + NEAR, machine=machine)
         number = next(iter(sim.world.shapes))

@@ -158,7 +158,7 @@ def see_walls(x0, y0, x1, y1, there, square, doubt, seen, walls):
     where the area might be of either sign."""
     turn, long_x, long_y = x0 * y1 - y0 * x1, x1 - x0, y1 - y0
     back, area = turn < F(0.0), np.abs(turn)
-    away = area - doubt
+    away = most_of(area - doubt, F(0.0))  # of short walls the area may be of any sign
     near = there & (away * away <= square * (long_x * long_x + long_y * long_y))
     near = near & reached(x0, x1, square) & reached(y0, y1, square)
     if any_of(near & (area <= doubt)):

@@ -148,6 +148,17 @@ def test_stop_ends_every_bid_and_grant_and_release_brings_none_back(who: str) ->
     assert members(scene) == members(scene, "blue") == []
 
 
+def test_nobody_waits_for_the_deadline_of_what_stop_has_ended() -> None:
+    scene = Scene(robots=3)
+    desk = scene.desk()
+    scene.isolate("r2")
+    sent = desk.send("(BEST 1 x TRUE (JOIN red))", deadline=3600.0, confirmed=True)
+    scene.run(0.5)
+    assert desk.answered(sent) == sent.message.deadline
+    desk.stop()
+    assert desk.answered(sent) < sent.message.issued + 3.0
+
+
 def test_robots_that_are_stopped_do_not_bid() -> None:
     scene = Scene(robots=3)
     desk = scene.desk()
@@ -281,6 +292,20 @@ def test_a_robot_takes_part_in_so_many_auctions_of_one_caller_and_of_all() -> No
     scene.run(2.5)
     refused = [desk.accounting(each.id).n_fault for desk, each in sent]
     assert refused == [*[0] * 8, 1] * 2 + [1] * 9
+
+
+def test_who_is_no_robot_does_not_bid() -> None:
+    scene = Scene(robots=2)
+    chief, watch = scene.desk(), scene.desk("watch")
+    sent = chief.send("(BEST 1 x TRUE (JOIN red))", confirmed=True)
+    poll = sent.message
+    for beat in range(10):
+        bid = BidMessage(poll.sender, poll.epoch, poll.sequence, beat, BidPhase.BIDDING, -9.0)
+        watch.session.delivery.post(Kind.REQUEST, scene.clock.now(), body=bid.body())
+        scene.run(0.1)
+    scene.run(1.0)
+    assert members(scene) == ["r0"]
+    assert status_of(chief, sent).bids.keys() == {"r0", "r1"}
 
 
 def test_bids_of_many_others_do_not_keep_a_grant_out() -> None:

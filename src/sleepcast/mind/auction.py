@@ -345,7 +345,7 @@ class Auctioneer:
 
     def end(self) -> None:
         """Say nothing more: members leave when their leases are over."""
-        self.ended, self.is_open = True, False
+        self.ended, self.is_open, self.closed = True, False, min(self.closed, self.window_ends)
 
     def is_over(self, now: float) -> bool:
         """Whether there is nothing left to be said."""

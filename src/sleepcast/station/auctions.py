@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections import deque
 from math import inf
 
-from sleepcast.channel.message import Kind, Message
+from sleepcast.channel.message import Kind, Message, Role
 from sleepcast.channel.reliable import LIFE, ReliableDelivery
 from sleepcast.language.parts import Auction
 from sleepcast.mind.auction import Auctioneer, BidMessage
@@ -33,7 +33,7 @@ class DeskAuctions:
 
     def hear(self, message: Message, now: float) -> None:
         """Take in a bid, if this is one for us."""
-        said = BidMessage.of(message.body)
+        said = BidMessage.of(message.body) if message.role in (Role.ROBOT, "") else None  # nobody signs: no roles
         if said is None or (said.caller, said.epoch) != (self._delivery.name, self._delivery.epoch):
             return
         for auctioneer in self._running:

@@ -137,12 +137,15 @@ class Reader:
             time.sleep(0.05)
 
     def run(self, line: str, shown: str) -> None:
-        """Run a command to its end, and read what it says; again if robots were too late for it, or it only looks."""
-        until, printed = time.monotonic() + LONGEST, None
+        """Run a command to its end, and read what it says; again if robots were too late for it, or it only looks. After
+        longer and longer pauses: a slow robot also has to answer all that came before."""
+        until, printed, pause = time.monotonic() + LONGEST, None, 0.25
         while printed is None or not shown_alike(shown, printed):
             failed = f"{line}\nprinted\n{printed}\nwanted\n{shown}"
             assert printed is None or TOO_LATE.search(printed) or LOOKS.search(line), failed
             assert time.monotonic() < until, failed
+            if printed is not None:
+                time.sleep(pause := min(2.0 * pause, 16.0))
             printed = self.printed(line)
 
     def end(self, process: subprocess.Popen[bytes]) -> None:

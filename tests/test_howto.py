@@ -137,8 +137,8 @@ class Reader:
             time.sleep(0.05)
 
     def run(self, line: str, shown: str) -> None:
-        """Run a command to its end, and read what it says; again if robots were too late for it, or it only looks. After
-        longer and longer pauses: a slow robot also has to answer all that came before."""
+        """Run a command to its end, and read what it says; again if robots were too late for it, or it only looks.
+        After longer and longer pauses: a slow robot also has to answer all that came before."""
         until, printed, pause = time.monotonic() + LONGEST, None, 0.25
         while printed is None or not shown_alike(shown, printed):
             failed = f"{line}\nprinted\n{printed}\nwanted\n{shown}"

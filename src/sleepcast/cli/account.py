@@ -102,7 +102,10 @@ def forecast_text(forecast: Forecast) -> str:
     unheard = f", and {forecast.nameless} that were never heard" if forecast.nameless else ""
     may = f"{listed('cannot say', forecast.unknown)}{unheard}"
     undecided = f"; {listed('test unknown', forecast.undecided)}" if len(forecast.undecided) else ""
-    return f"{listed('would obey', forecast.yes)}; {may}; would not {len(forecast.no)}{undecided}"
+    would, chosen = (
+        ("would obey", "") if forecast.most is None else ("would bid", f"; {forecast.most} at most will obey")
+    )
+    return f"{listed(would, forecast.yes)}; {may}; would not {len(forecast.no)}{undecided}{chosen}"
 
 
 def account_lines(command: Command, account: Account, vocabulary: Vocabulary | None = None) -> Iterator[str]:
@@ -126,8 +129,8 @@ def account_lines(command: Command, account: Account, vocabulary: Vocabulary | N
         yield f"  {listed('noted outside it by' if leasing else 'did not match', account.not_matched)}"
         if account.auction is not None:
             yield f"  {printable(account.auction.sentence())}"
-            for name, by in [*account.auction.outbid().items()][:FEW]:
-                yield f"  outbid: {printable(name)} by {printable(', '.join(by))}"
+            for by, names in [*account.auction.outbid_by().items()][:FEW]:
+                yield f"  {listed('outbid', names)} by {printable(', '.join(by))}"
         if account.n_unknown:
             yield f"  {listed('test unknown', account.unknown)}"
         if account.n_held:

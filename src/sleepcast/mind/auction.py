@@ -265,6 +265,13 @@ class AuctionStatus(NamedTuple):
         left = sorted((name for name in ranks if name not in self.chosen), key=ranks.__getitem__)
         return {name: tuple(each for each in self.chosen if ranks[each] < ranks[name]) for name in left}
 
+    def outbid_by(self) -> dict[tuple[str, ...], list[str]]:
+        """The same the other way around: who was outbid by the same robots."""
+        found: dict[tuple[str, ...], list[str]] = {}
+        for name, by in self.outbid().items():
+            found.setdefault(by, []).append(name)
+        return found
+
     def to_dict(self) -> dict[str, object]:
         """For journals and scripts."""
         outbid = {name: list(by) for name, by in self.outbid().items()}

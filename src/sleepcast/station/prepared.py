@@ -102,6 +102,7 @@ class Forecast(NamedTuple):
 
     nameless: how many others are expected that were never heard, whose decision is unknown
     undecided: those that will not obey, as the test has no known value there
+    most: how many of them are chosen to obey, None for all
     """
 
     yes: Sequence[str]
@@ -109,11 +110,13 @@ class Forecast(NamedTuple):
     unknown: Sequence[str]
     nameless: int = 0
     undecided: Sequence[str] = ()
+    most: int | None = None
 
     @property
     def may(self) -> int:
         """How many may obey."""
-        return len(self.yes) + len(self.unknown) + self.nameless
+        may = len(self.yes) + len(self.unknown) + self.nameless
+        return may if self.most is None else min(may, self.most)
 
 
 class Prepared(msgspec.Struct, frozen=True, eq=False, dict=True):
@@ -142,7 +145,12 @@ class Prepared(msgspec.Struct, frozen=True, eq=False, dict=True):
     def forecast(self) -> Forecast:
         """Who would obey, of those whom it is for."""
         yes, no, unknown, undecided = (self._named(code) for code in (YES, NO, UNKNOWN, UNDECIDED))
-        return Forecast(yes, no, unknown, self.nameless, undecided)
+        return Forecast(yes, no, unknown, self.nameless, undecided, self._most)
+
+    @property
+    def _most(self) -> int | None:
+        auction = auction_of(self.draft.program.root)
+        return None if auction is None else auction.most
 
     def _named(self, code: int) -> RobotNames:
         return RobotNames(self.preview.names, self._places(code))
@@ -160,8 +168,7 @@ class Prepared(msgspec.Struct, frozen=True, eq=False, dict=True):
     def may(self) -> int:
         """How many may obey: the number that its sender may have to say."""
         may = int(np.count_nonzero((self.codes == YES) | (self.codes == UNKNOWN))) + self.nameless
-        auction = auction_of(self.draft.program.root)
-        return may if auction is None else min(may, auction.most)
+        return may if self._most is None else min(may, self._most)
 
     def despite_names(self) -> Prepared:
         """The same, whose sender insists on names that no robot has."""

@@ -72,6 +72,8 @@ class Reader:
     added: Path
     """Where packages are that the page tells its reader to install."""
     running: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
+    within: float = 0.0
+    """Seconds in which robots are to answer, 0 for as many as a command takes by itself."""
     called: set[str] = field(default_factory=set)
     """The commands that have been called in a process of their own."""
 
@@ -85,7 +87,8 @@ class Reader:
             if isinstance(command, click.Group):
                 last, command = words[2], command.commands[words[2]]
             if any(each.name == "channel" for each in command.params):
-                line, ours = line.replace(f" {last}", f" {last} --channel '{URI.format(self.port)}'", 1), last
+                within = f" --within {self.within}s" if self.within else ""
+                line, ours = line.replace(f" {last}", f" {last} --channel '{URI.format(self.port)}'{within}", 1), last
         line = line.replace(USUAL, f"{GROUP} {self.port}")
         return line.replace(CONFIGURED.format(*USUAL.split()), CONFIGURED.format(GROUP, self.port)), ours
 
@@ -138,14 +141,16 @@ class Reader:
 
     def run(self, line: str, shown: str) -> None:
         """Run a command to its end, and read what it says; again if robots were too late for it, or it only looks.
-        After longer and longer pauses: a slow robot also has to answer all that came before."""
-        until, printed, pause = time.monotonic() + LONGEST, None, 0.25
+        After longer and longer pauses, since a slow robot also has to answer all that came before, and with more time
+        for answers."""
+        until, printed, self.within = time.monotonic() + LONGEST, None, 0.0
         while printed is None or not shown_alike(shown, printed):
             failed = f"{line}\nprinted\n{printed}\nwanted\n{shown}"
             assert printed is None or TOO_LATE.search(printed) or LOOKS.search(line), failed
             assert time.monotonic() < until, failed
             if printed is not None:
-                time.sleep(pause := min(2.0 * pause, 16.0))
+                self.within = min(2.0 * self.within or 0.5, 8.0)
+                time.sleep(self.within)
             printed = self.printed(line)
 
     def end(self, process: subprocess.Popen[bytes]) -> None:

@@ -34,7 +34,8 @@ def look_around(
     answers are waited for beyond their time, and what is missing as long again."""
     began = station.now
     station.gather(telemetry.look(robots), patience)
-    station.wait_until(lambda: not (telemetry.learning(began) or station.is_deciding), station.now + patience)
+    until = station.now + (station.within or 0.0) + patience
+    station.wait_until(lambda: not (telemetry.learning(began) or station.is_deciding), until)
 
 
 def prepare_with_robots(

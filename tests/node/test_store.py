@@ -117,8 +117,8 @@ def test_a_robot_goes_on_with_what_it_had_learned(tmp_path: Path) -> None:
     assert robot.said == []
 
 
-def test_what_a_robot_is_by_a_lease_ends_with_its_life_and_a_bid_does_too(tmp_path: Path) -> None:
-    fleet, robot = one(tmp_path)
+def hire(fleet: Afloat, robot: Living) -> Message:
+    """Let a robot join a group and get a rule for as long as it is chosen."""
     poll = fleet.post("(BEST 1 1 TRUE (PROGN (JOIN crew) (RULE shine (MARK))))")
     fleet.run(0.3)
     assert robot.node.bidding is not None
@@ -126,6 +126,12 @@ def test_what_a_robot_is_by_a_lease_ends_with_its_life_and_a_bid_does_too(tmp_pa
     grants = GrantMessage(poll.sequence, True, {robot.name: max(bid._beats)}, ())
     fleet.air.desk.delivery.post(Kind.REQUEST, fleet.air.clock.now(), body=grants.body())
     fleet.run(0.3)
+    return poll
+
+
+def test_what_a_robot_is_by_a_lease_ends_with_its_life_and_a_bid_does_too(tmp_path: Path) -> None:
+    fleet, robot = one(tmp_path)
+    poll = hire(fleet, robot)
     assert robot.node.evaluate("(IN crew)").value == 1.0
     assert rules(robot) == [("shine", "(MARK)", True)]
     later = fleet.post("(BEST 1 1 TRUE (NOTE 3))")
@@ -145,13 +151,7 @@ def test_what_a_robot_is_by_a_lease_ends_with_its_life_and_a_bid_does_too(tmp_pa
 
 def test_a_rule_that_a_later_command_has_changed_outlives_the_lease_and_a_restart(tmp_path: Path) -> None:
     fleet, robot = one(tmp_path)
-    poll = fleet.post("(BEST 1 1 TRUE (PROGN (JOIN crew) (RULE shine (MARK))))")
-    fleet.run(0.3)
-    assert robot.node.bidding is not None
-    (bid,) = (each.bid for each in robot.node.bidding._open)
-    grants = GrantMessage(poll.sequence, True, {robot.name: max(bid._beats)}, ())
-    fleet.air.desk.delivery.post(Kind.REQUEST, fleet.air.clock.now(), body=grants.body())
-    fleet.run(0.3)
+    hire(fleet, robot)
     fleet.post("(RULE shine (UNMARK))")
     fleet.run(0.3)
     robot.die()

@@ -551,8 +551,7 @@ class Node:
             self.answer(message, outcome, fault=fault)
             return
         try:
-            asked = message.kind is Kind.ASK
-            program = memory.library.program(message.text, lambda: [read(message.text)], memory.base, asked=asked)
+            program = self._program(message.text, asked=message.kind is Kind.ASK)
         except SleepcastError as error:
             self.answer(message, "fault", fault=str(error).splitlines()[0])
             return
@@ -609,9 +608,10 @@ class Node:
     def is_held_still(self) -> bool:
         return self.stopped or self.catching_up
 
-    def _program(self, text: str) -> Program:
+    def _program(self, text: str, *, asked: bool = False) -> Program:
+        """asked: whether it is a question. Raises SleepcastError for a text that this robot cannot run."""
         memory = self._memory
-        return memory.library.program(text, lambda: [read(text)], memory.base)
+        return memory.library.program(text, lambda: [read(text)], memory.base, asked=asked)
 
     def objection(self, message: Message, text: str, now: float) -> str:
         try:

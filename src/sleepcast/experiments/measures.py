@@ -5,6 +5,7 @@
     quantile 0.9 (DIST x y 0 0)
     largest_cluster 2m                     of the group as a whole; see `group_measures`
     stock ore coal                         what is left of these stocks, added up, in SI
+    field grass                            what all cells of this growing field have, added up, in SI
     analysis.spread                        the function `spread` of the module `analysis`, which takes the fleet
 
 A package adds measures by name with entry points in the group `sleepcast.measures`.
@@ -67,7 +68,7 @@ OF_TRUE: dict[str, Callable[[NDArray[np.bool_]], float]] = {
     "share": lambda true: np.count_nonzero(true) / true.size if true.size else nan,
 }
 """What is made of for whom it is true; unknown is not."""
-AGGREGATES = (*OF_KNOWN, *OF_TRUE, "quantile", "stock")
+AGGREGATES = (*OF_KNOWN, *OF_TRUE, "quantile", "stock", "field")
 OTHER_WORDS = {
     **dict.fromkeys(("avg", "average"), "mean"),
     **dict.fromkeys(("number", "num"), "count"),
@@ -107,8 +108,8 @@ def read_measure(text: str, *, own: bool = False) -> Measure:
         return lambda fleet: OF_TRUE[first](is_true(fleet[expression]))
     if expression and first == "quantile":
         return _quantile(text, expression)
-    if expression and first == "stock":
-        return lambda fleet: _of_stocks(fleet, expression.split())
+    if expression and first in _LEVELS:
+        return lambda fleet: _sum_of(first, expression.split(), _LEVELS[first](fleet))
     if meant := _meant(text.strip()):
         raise MeasureError(f'measure "{text:.80}": write {meant:.80}')
     if expression:
@@ -230,14 +231,29 @@ def angle_of(text: str) -> str:
     return rest.strip() if first in ANGULAR else ""
 
 
-def _of_stocks(fleet: SimulatedFleet, names: list[str]) -> float:
-    left = fleet.swarm.simulator.stocks()
+def _amounts(fleet: SimulatedFleet) -> dict[str, float]:
+    """What all cells of each growing field have, in SI."""
+    simulator = fleet.swarm.simulator
+    grown = {field.name: simulator.senses.amount(field.name) for field in simulator.scenario.fields}
+    return {name: float(amount.sum()) for name, amount in grown.items() if amount is not None}
+
+
+_LEVELS: dict[str, Callable[[SimulatedFleet], dict[str, float]]] = {
+    "stock": lambda fleet: fleet.swarm.simulator.stocks(),
+    "field": _amounts,
+}
+"""What the world holds of each thing of a kind, by its name."""
+
+
+def _sum_of(what: str, names: list[str], left: dict[str, float]) -> float:
+    """What is left of these things of a kind, added up."""
     for name in names:
         if name not in left:
             known = (
                 f"{did_you_mean(name, left)}: wanted one of {', '.join(left)}" if left else ": this scenario has none"
             )
-            raise MeasureError(f'no stock "{name:.80}"{known}')
+            kind = "growing field" if what == "field" else what
+            raise MeasureError(f'no {kind} "{name:.80}"{known}')
     return sum(left[name] for name in names)
 
 

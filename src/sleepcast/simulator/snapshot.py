@@ -188,6 +188,9 @@ def _check(simulator: Simulator) -> None:
             within(columns[f"amount of field {field.name}"], 0.0, growth.most, f"amount of field {field.name}")
             within(columns[f"wanted of field {field.name}"], 0.0, np.finfo(np.float64).max, "wanted of a field")
             within(columns[f"cells of field {field.name}"], 0, growth.columns * growth.rows - 1, "cells of a field")
+            if growth.delay:
+                ticks = growth.delay / simulator.scenario.tick + 1.0
+                within(columns[f"waiting of field {field.name}"], 0, ticks, "waiting of a field")
 
 
 def _check_firing(firing: Firing, sonars: int) -> None:

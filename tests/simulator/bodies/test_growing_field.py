@@ -11,6 +11,7 @@ import pytest
 
 import sleepcast as sc
 from sleepcast.core.serial import SerialError
+from sleepcast.experiments.measures import MeasureError, read_measure
 from sleepcast.simulator import Simulator
 from sleepcast.simulator.bodies.bodies import Floats
 from sleepcast.simulator.bodies.growing_field import ADD, TAKE, GrowingField
@@ -20,6 +21,7 @@ from sleepcast.simulator.snapshot import SimulatorState, resume, state_of
 from small_worlds import simulator, write
 
 LOGISTIC = Growth(4, 3, 2.0, 0.5, True, 0.0)
+DELAYED = Growth(4, 3, 2.0, 0.0, False, 0.0, delay=0.5)
 SIZE = (40.0, 30.0)
 ALGAE = """
 [fields.algae]
@@ -35,7 +37,8 @@ diffusion = 20
 
 
 def field(growth: Growth = LOGISTIC, *, start: float = 0.5, robots: int = 5, torus: bool = False) -> GrowingField:
-    return GrowingField(growth, SIZE, torus, 0.1, robots, np.full((growth.rows, growth.columns), start))
+    numbers = np.arange(robots, dtype=np.uint64)
+    return GrowingField(growth, SIZE, torus, 0.1, numbers, np.full((growth.rows, growth.columns), start))
 
 
 def at(*cells: int) -> tuple[Floats, Floats]:
@@ -74,6 +77,41 @@ class TestGrowth:
         for _ in range(10):
             waning.step()
         assert not waning.amount.any()
+
+
+class TestDelay:
+    def test_a_cell_that_is_emptied_is_full_again_after_its_delay(self) -> None:
+        grass = field(DELAYED, start=2.0)
+        grass.ask(TAKE, np.array([0, 1]), np.array([2.0, 0.5]), *at(5, 6))
+        amounts = []
+        for _ in range(7):
+            grass.step()
+            amounts.append(grass.amount[1, 1])
+        assert amounts == [0.0] * 5 + [2.0] * 2
+        assert grass.amount[1, 2] == 1.5, "one that was not emptied stays as it is"
+
+    def test_what_several_take_to_the_last_crumb_empties_a_cell(self) -> None:
+        grass = field(DELAYED, start=0.3)
+        for _ in range(3):
+            grass.ask(TAKE, np.array([0]), np.array([0.1]), *at(5))
+            grass.step()
+        grass.ask(TAKE, np.array([0]), np.array([0.1]), *at(5))
+        for _ in range(6):
+            grass.step()
+        assert grass.amount[1, 1] == 2.0
+
+    def test_cells_are_sown_by_chance_and_all_are_full_after_a_delay(self) -> None:
+        many = replace(DELAYED, columns=40, rows=30, sown=0.25)
+        start = np.full((30, 40), 2.0)
+        grass, other = (GrowingField(many, SIZE, False, 0.1, np.arange(1, dtype=np.uint64), start, k) for k in (1, 2))
+        assert grass.amount.mean() == pytest.approx(0.5, abs=0.15)
+        assert (grass.amount != other.amount).any()
+        full = []
+        for _ in range(5):
+            grass.step()
+            full.append(int((grass.amount > 0.0).sum()))
+        assert full[-1] == 1200
+        assert np.diff(full).min() > 100, "a part of them in each tick"
 
 
 class TestDiffusion:
@@ -129,6 +167,12 @@ class TestRequests:
         assert still.step() == pytest.approx([0.15, 0.3, 0.05, 0.2, 0.0])
         assert still.amount[1, 1] == 0.0
         assert still.amount[1, 2] == pytest.approx(0.3)
+
+    def test_in_turn_those_with_lower_numbers_come_first(self) -> None:
+        grass = field(replace(DELAYED, in_turn=True), start=0.5)
+        grass.ask(TAKE, np.array([3, 0, 1, 2, 4]), np.array([0.3, 0.1, 0.3, 0.3, 0.7]), *at(5, 6, 5, 5, 6))
+        assert grass.step() == pytest.approx([0.1, 0.3, 0.2, 0.0, 0.4])
+        assert grass.amount[1].tolist() == [0.5, 0.0, 0.0, 0.5]
 
     def test_what_is_added_stays_below_the_most(self) -> None:
         still = self.still()
@@ -210,12 +254,23 @@ class TestState:
         with pytest.raises(SerialError, match=name):
             resume(state_of(sim))
 
+    @pytest.mark.parametrize("value", [-1, 999])
+    def test_a_delay_no_run_comes_to_is_refused(self, tmp_path: Path, value: int) -> None:
+        sim = simulator(tmp_path, more=ALGAE.replace("rate = 0.05\ndiffusion = 20", 'law = "delayed"\ndelay = "9s"'))
+        state = state_of(sim)
+        assert resume(state).state_hash() == sim.state_hash()
+        sim.senses.arrays()["waiting of field algae"][0, 0] = value
+        with pytest.raises(SerialError, match="waiting"):
+            resume(state_of(sim))
+
     @pytest.mark.parametrize(
         ("growth", "sentence"),
         [
             (Growth(2000, 2000, 2.0, 0.1, True, 0.0), "cells"),
             (Growth(10, 10, 2.0, 1e9, True, 0.0), "growth"),
             (Growth(10, 10, 2.0, 0.1, True, 1e6), "diffusion"),
+            (Growth(10, 10, 2.0, 0.0, False, 0.0, 1e9), "delay"),
+            (Growth(10, 10, 2.0, 0.0, False, 0.0, 1.0, 2.0), "sown"),
         ],
     )
     def test_a_scenario_with_what_cannot_be_is_refused(self, tmp_path: Path, growth: Growth, sentence: str) -> None:
@@ -248,3 +303,11 @@ def test_one_robot_at_a_time_and_all_at_once_give_the_same_bits(tmp_path: Path) 
         amounts = [each.swarm.simulator.senses.arrays()["amount of field algae"] for each in (together, alone)]
         assert amounts[1].tobytes() == amounts[0].tobytes()
         assert (together["algae_taken"] > 0.0).any()
+
+
+def test_experiments_measure_what_all_cells_have(tmp_path: Path) -> None:
+    with sc.open(str(write(tmp_path, more=ALGAE)), seed=5) as fleet:
+        amount = fleet.swarm.simulator.senses.arrays()["amount of field algae"]
+        assert read_measure("field algae")(fleet) == amount.sum() > 0.0
+        with pytest.raises(MeasureError, match=r'no growing field "alga" \(did you mean algae\?\)'):
+            read_measure("field alga")(fleet)

@@ -2,8 +2,8 @@
 
 What robots ask for in a tick is collected, with the cell in which each was at that moment, and resolved in the next
 one, all at once: first what is taken, then what is added. If a cell has less than is asked for, or less room, everybody
-there gets the same share of what it asked for; so no result depends on the order of the robots. Afterwards the field
-spreads and grows.
+there gets the same share of what it asked for, or robots get it by their numbers, as the scenario says; so no result
+depends on the order in which they ask. Afterwards the field spreads and grows.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.core.counter_rng import uniform
+from sleepcast.core.ticks import nearest_ticks
 from sleepcast.simulator.bodies.bodies import Floats, Whole
 from sleepcast.simulator.scenario.fields import Growth, spread
 from sleepcast.simulator.simd.formulas import exponential
@@ -28,20 +30,34 @@ class GrowingField:
     size: of the world, m
     torus: whether it has no edge
     tick: s
+    numbers: of the robots, uint64; the simulator's own array
     start: the amounts at the start, shape (rows, columns), bottom row first
+    chance: a key of chance for what is sown
     """
 
     def __init__(
-        self, growth: Growth, size: tuple[float, float], torus: bool, tick: float, robots: int, start: Floats
+        self,
+        growth: Growth,
+        size: tuple[float, float],
+        torus: bool,
+        tick: float,
+        numbers: NDArray[np.uint64],
+        start: Floats,
+        chance: int = 0,
     ) -> None:
-        self._growth, self._size, self._tick = growth, size, tick
+        self._growth, self._size, self._tick, self._numbers = growth, size, tick, numbers
         self._around = "wrap" if torus else "edge"
         self._share_x, self._share_y = spread(growth, size, tick)
         self._factor = float(exponential(np.array([growth.rate * tick]))[0]) if growth.logistic else 1.0
         self.amount: Floats = np.clip(start, 0.0, growth.most)
-        self._wanted: Floats = np.zeros((2, robots))
+        self._delay = max(1, nearest_ticks(growth.delay, tick))
+        self._waiting = np.zeros(start.shape if growth.delay else (0, 0), np.int64)
+        """Ticks until an empty cell is full again, 0 where nothing is awaited; of a law with a delay."""
+        if growth.sown < 1.0:
+            self._sow(chance)
+        self._wanted: Floats = np.zeros((2, numbers.size))
         """What each robot asks for, and below the cell from which, row by row from the bottom."""
-        self._cells = np.zeros((2, robots), np.int64)
+        self._cells = np.zeros((2, numbers.size), np.int64)
 
     def cells(self, x: Floats, y: Floats) -> Whole:
         """The cells that contain these points, m."""
@@ -89,7 +105,19 @@ class GrowingField:
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """The arrays that a run changes and that the next ticks depend on."""
-        return {"amount": self.amount, "wanted": self._wanted, "cells": self._cells}
+        columns: dict[str, NDArray[np.generic]] = {
+            "amount": self.amount,
+            "wanted": self._wanted,
+            "cells": self._cells,
+        }
+        return columns | {"waiting": self._waiting} if self._growth.delay else columns
+
+    def _sow(self, chance: int) -> None:
+        """Empty the cells that chance leaves out, each at some moment of its delay."""
+        drawn = uniform(chance, np.arange(2 * self.amount.size, dtype=np.uint64)).reshape(2, *self.amount.shape)
+        bare = drawn[0] >= self._growth.sown
+        self.amount[bare] = 0.0
+        self._waiting[bare] = 1 + (drawn[1, bare] * self._delay).astype(np.int64)
 
     def _shares(self, what: int, available: Floats) -> tuple[Floats, Floats]:
         """What each robot gets of its request, and what all get in each cell. available: the most that all can get
@@ -97,9 +125,23 @@ class GrowingField:
         wanted, cells = self._wanted[what], self._cells[what]
         total = np.bincount(cells, wanted, available.size)
         given = np.minimum(total, available)
+        if self._growth.in_turn:
+            return self._by_number(wanted, cells, available), given
         with np.errstate(invalid="ignore"):
             share = np.where(total > 0.0, given / total, 0.0)
         return wanted * share[cells], given
+
+    def _by_number(self, wanted: Floats, cells: Whole, available: Floats) -> Floats:
+        """What each robot gets where those with lower numbers come first."""
+        got = np.zeros(wanted.size)
+        asking = np.flatnonzero(wanted > 0.0)
+        asking = asking[np.lexsort((self._numbers[asking], cells[asking]))]
+        cell = cells[asking]
+        so_far = np.cumsum(wanted[asking]) - wanted[asking]
+        first = np.flatnonzero(np.diff(cell, prepend=-1))
+        before = so_far - np.repeat(so_far[first], np.diff(first, append=cell.size))
+        got[asking] = np.clip(available[cell] - before, 0.0, wanted[asking])
+        return got
 
     def _spread(self) -> None:
         """Diffusion, by the explicit scheme with the four cells around each; nothing leaves at the world's edge."""
@@ -110,10 +152,20 @@ class GrowingField:
         np.clip(self.amount, 0.0, self._growth.most, out=self.amount)
 
     def _grow(self) -> None:
-        """Growth by the exact solution of the logistic equation over one tick, or by a constant."""
+        """Growth by the exact solution of the logistic equation over one tick, or by a constant, or after a delay."""
         growth, amount = self._growth, self.amount
-        if growth.logistic:
+        if growth.delay:
+            self._wait()
+        elif growth.logistic:
             amount *= self._factor / (1.0 + amount * ((self._factor - 1.0) / growth.most))
         else:
             amount += growth.rate * self._tick
         np.clip(amount, 0.0, growth.most, out=amount)
+
+    def _wait(self) -> None:
+        """Fill the cells whose delay is over; that of those that have been emptied in this tick begins."""
+        waiting, amount = self._waiting, self.amount
+        due = waiting == 1
+        waiting[waiting > 0] -= 1
+        amount[due] = self._growth.most
+        waiting[(amount == 0.0) & (waiting == 0)] = self._delay

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.core.counter_rng import key
 from sleepcast.core.model import HostFunction
 from sleepcast.simulator.bodies.bodies import Bodies, Floats, Whole
 from sleepcast.simulator.bodies.body import BodySenses, acting
@@ -181,7 +182,8 @@ def _cells_of(bodies: Bodies, field: ScalarField) -> GrowingField | None:
     size = (scenario.width, scenario.height)
     x, y = cell_middles(growth.columns, growth.rows, size)
     start = values(field, x, y, size, scenario.around, bodies.sight.any_between)[0].reshape(growth.rows, growth.columns)
-    return GrowingField(growth, size, scenario.torus, scenario.tick, bodies.count, start)
+    chance = key(bodies.seed, "sown", field.name)
+    return GrowingField(growth, size, scenario.torus, scenario.tick, bodies.numbers, start, chance)
 
 
 def cell_middles(columns: int, rows: int, size: tuple[float, float]) -> tuple[Floats, Floats]:

@@ -16,8 +16,8 @@ import numpy as np
 from sleepcast.core.model import Quantity
 from sleepcast.core.records import dataclass
 from sleepcast.core.settings import SettingsError, Table, checked_name
-from sleepcast.core.units import LENGTH, NONE, UNITS, Dimension
-from sleepcast.simulator.scenario.robot_settings import LEAST, MAX_WORLD
+from sleepcast.core.units import LENGTH, NONE, TIME, UNITS, Dimension
+from sleepcast.simulator.scenario.robot_settings import LEAST, MAX_TIME, MAX_WORLD
 from sleepcast.simulator.scenario.signals import refuse_sight
 from sleepcast.simulator.world.world import Area, Circle
 
@@ -81,6 +81,9 @@ class Growth:
     most: greatest amount in a cell
     rate: of logistic growth, 1/s, or by how much each cell grows in a second
     diffusion: m2/s
+    delay: after how many s a cell that was emptied has `most` again; then it grows in no other way. 0 of other laws
+    sown: share of the cells that have something at the start, chosen by chance; the others wait for a part of `delay`
+    in_turn: whether robots that want more than a cell has get it by their numbers, and not in equal shares
     """
 
     columns: int
@@ -89,6 +92,9 @@ class Growth:
     rate: float
     logistic: bool
     diffusion: float
+    delay: float = 0.0
+    sown: float = 1.0
+    in_turn: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,11 +274,17 @@ def _growth(table: Table, size: tuple[float, float], tick: float, most: float, d
     columns, rows = (max(1, ceil(side / cell - 1e-9)) for side in size)
     if columns * rows > MAX_CELLS:
         raise table.error("cell", f"{columns} by {rows} cells; at most {MAX_CELLS} fit: make them larger")
-    logistic = table.text("law", "logistic", choices=("logistic", "constant")) == "logistic"
-    bound = MAX_RATE if logistic else MAX_RATE * most
+    in_turn = table.text("sharing", "equal", choices=("equal", "in turn")) == "in turn"
+    law = table.text("law", "logistic", choices=("logistic", "constant", "delayed"))
+    if law == "delayed":
+        delay = table.number("delay", TIME, low=tick, high=MAX_TIME)
+        sown = table.number("sown", NONE, 1.0, low=0.0, high=1.0)
+        return Growth(columns, rows, most, 0.0, False, 0.0, delay, sown, in_turn)
+    bound = MAX_RATE if law == "logistic" else MAX_RATE * most
     # A rate of growth is a number in a second; there is no unit for it.
     rate = table.number("rate", NONE, low=-bound, high=bound)
-    growth = Growth(columns, rows, most, rate, logistic, table.number("diffusion", NONE, 0.0, low=0.0))
+    diffusion = table.number("diffusion", NONE, 0.0, low=0.0)
+    growth = Growth(columns, rows, most, rate, law == "logistic", diffusion, in_turn=in_turn)
     if sum(spread(growth, size, tick)) > 0.5:
         raise table.error(
             "diffusion", f"{growth.diffusion:g} m2/s is too fast for such cells: make them larger, or the tick shorter"
@@ -320,3 +332,5 @@ def bounds_of_fields(
             yield "in a cell at most", growth.most, LEAST, MAX_VALUE
             yield "of growth in a second", abs(growth.rate), 0.0, MAX_RATE * max(1.0, growth.most)
             yield "of diffusion", sum(spread(growth, size, tick)), 0.0, 0.5
+            yield "s of delay", growth.delay, 0.0, MAX_TIME
+            yield "as a share that is sown", growth.sown, 0.0, 1.0

@@ -713,15 +713,24 @@ class TestCluster:
         wanted = experiment(seeds=4)
         fill(wanted, tmp_path / "here")
         (tmp_path / "experiment.toml").write_text(wanted.to_toml())
-        with dask(tmp_path) as (address, _, add_worker):
+        command = (sys.executable, "-m", "sleepcast", "sweep", "experiment.toml", "--out", "there", "--quiet")
+        with (
+            dask(tmp_path) as (address, _, add_worker),
+            subprocess.Popen(
+                [*command, "--cluster", address],
+                cwd=tmp_path,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+            ) as sweep,
+        ):
+            assert sweep.stderr is not None
+            assert sweep.stderr.readline().rstrip().endswith("has no workers: the sweep goes on once there are some")
             add_worker()
             add_worker()
-            command = (sys.executable, "-m", "sleepcast", "sweep", "experiment.toml", "--out", "there", "--quiet")
-            done = subprocess.run(
-                [*command, "--cluster", address], cwd=tmp_path, capture_output=True, text=True, check=False
-            )
-        assert done.returncode == 0, done.stderr
-        assert "8 of 8 runs done" in done.stdout
+            printed, said = sweep.communicate()
+        assert sweep.returncode == 0, said
+        assert "8 of 8 runs done" in printed
         here, there = (list(outcomes_in(tmp_path / name)) for name in ("here", "there"))
         assert all(each.same_as(other) for each, other in zip(here, there, strict=True))
 

@@ -273,7 +273,7 @@ def _sweep(
     from sleepcast.experiments.run import run_all
 
     errors: dict[str, int] = {}
-    outcomes = run_all(results, workers, retry=retry, limit=limit)
+    outcomes = run_all(results, workers, retry=retry, limit=limit, remark=complain)
     try:
         with closing(outcomes), closing(steps(results.left(retry=retry), "sweep", quiet=quiet)) as bar:
             for outcome in outcomes:

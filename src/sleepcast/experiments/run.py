@@ -15,7 +15,7 @@ import os
 import re
 import signal
 from collections import OrderedDict, deque
-from collections.abc import Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import suppress
 from dataclasses import replace
@@ -198,7 +198,12 @@ def _taken(fleet: SimulatedFleet, measures: Sequence[Measure]) -> tuple[float | 
 
 
 def run_all(
-    results: Results, workers: int | str, *, retry: bool = False, limit: float = LONGEST_RUN
+    results: Results,
+    workers: int | str,
+    *,
+    retry: bool = False,
+    limit: float = LONGEST_RUN,
+    remark: Callable[[str], object] = str,
 ) -> Generator[RunResult, None, None]:
     """Do all runs that are missing, and write each one as it finishes; gives them in that order. Raises
     ResultsLostError, ClusterError where there is no cluster, and ClusterLostError where it has gone.
@@ -206,6 +211,7 @@ def run_all(
     workers: so many processes here, or the address of a dask cluster.
     retry: also those that failed.
     limit: s after which a run is ended by force, and has failed; a cluster has none.
+    remark: takes what somebody should know who waits.
     """
     experiment, left = results.experiment, results.missing(retry=retry)
     if not left:
@@ -213,6 +219,8 @@ def run_all(
     check_rules(results.folder, results.outdated)
     at_once = len(left) if experiment.goal is None else experiment.goal.together * len(experiment.seeds)
     with _pool(experiment, workers, at_once, limit) as pool:
+        if isinstance(pool, Cluster) and not pool.threads:
+            remark(f"the cluster at {workers} has no workers: the sweep goes on once there are some")
         while left:
             for finished in pool.map(left):
                 results.keep(finished)
@@ -400,10 +408,14 @@ class Cluster:
                 f"the dask scheduler at {self._address} has gone; what is done is kept: go on when it is back"
             ) from error
 
+    @property
+    def threads(self) -> int:
+        """Of all workers that it has now."""
+        return sum(self._client.nthreads().values())
+
     def _places(self) -> int:
         """How many runs the cluster is to have now."""
-        threads: dict[str, int] = self._client.nthreads()
-        return AHEAD * max(1, sum(threads.values()))
+        return AHEAD * max(1, self.threads)
 
     def _outcome(self, future: Future[bytes], run: PlannedRun) -> RunResult:
         """Raises CancelledError for one that the scheduler has taken with it, which has no exception of its own."""

@@ -7,10 +7,13 @@ import json
 import os
 import subprocess
 import sys
+from collections import Counter
 from itertools import product
 from pathlib import Path
 
 import pytest
+from benchmarks.auctions import made as auctions_made
+from benchmarks.auctions import on_udp
 
 ROOT = Path(__file__).resolve().parent.parent
 PATHS = {"swarm": 48, "air": 66}
@@ -367,3 +370,19 @@ def test_one_command_s_way_is_no_longer_than_it_was() -> None:
         rooms = {module.partition(".")[0] for module in entered}
         assert rooms > {"language", "channel", "station", "simulator", "loop"}, f"{way}: the whole way was traced"
         assert len(entered) <= PATHS[way], f"{way}: {' '.join(entered)}"
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="its parties are forked")
+@pytest.mark.nightly
+def test_a_hundred_rounds_on_udp_with_processes_that_are_killed_never_have_too_many() -> None:
+    found = on_udp.counted((0.0, 0.2, 0.5), 100, seed=2)
+    seen = sum(found.values(), Counter[str]())
+    assert [key for key in on_udp.NEVER if seen[key]] == []
+    assert all(seen[key] > 0 for key in ("killed", "gone", "stopped", "started", "true"))
+
+
+def test_rounds_on_a_made_radio_are_counted() -> None:
+    seen = auctions_made.counted(0.5, range(20))
+    assert [key for key in auctions_made.NEVER if seen[key]] == []
+    assert seen["true"] + seen["others"] + seen["fewer"] == 20
+    assert 0 < seen["started"] <= seen["accepted"] < 20

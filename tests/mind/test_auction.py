@@ -6,7 +6,7 @@ from math import inf
 from random import Random
 
 import pytest
-from benchmarks.auctions import LIFE, Rounds, best, quorum
+from benchmarks.auctions.radio import LIFE, Rounds, best, quorum
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -59,6 +59,9 @@ class BidPhase(StrEnum):
     """For good: it never becomes a member of this auction any more."""
 
 
+_PHASES = {phase.value: phase for phase in BidPhase}
+
+
 class BidMessage(NamedTuple):
     """What a robot says. caller, epoch, number: of the poll; beat: grows from message to message."""
 
@@ -79,9 +82,9 @@ class BidMessage(NamedTuple):
         if not isinstance(said, list) or tuple(map(type, said)) != (str, int, int, int, str, float):
             return None
         caller, epoch, number, beat, phase, cost = said
-        fits = len(caller) <= MAX_NAME and all(0 <= each <= MAX_NUMBER for each in (epoch, number, beat))
-        if fits and phase in tuple(BidPhase) and -inf < cost < inf:
-            return BidMessage(caller, epoch, number, beat, BidPhase(phase), cost)
+        fits = len(caller) <= MAX_NAME and min(epoch, number, beat) >= 0 and max(epoch, number, beat) <= MAX_NUMBER
+        if fits and phase in _PHASES and -inf < cost < inf:
+            return BidMessage(caller, epoch, number, beat, _PHASES[phase], cost)
         return None
 
 

@@ -1,8 +1,4 @@
-"""Rounds of BEST and QUORUM on a radio that loses, delays and repeats, with robots and callers that die: how often the
-four robots with the least costs obey, how often a quorum comes out short, and that there are never too many.
-
-    python -m benchmarks.auctions                 10,000 rounds of each, 0 to 50 % lost
-    python -m benchmarks.auctions --rounds 100
+"""Rounds of BEST and QUORUM on a radio that loses, delays and repeats, with robots and callers that die.
 
 Nothing waits in real time: robots and callers are the product's own (`mind.auction`), time and radio are made here.
 Each party hears everything that is not lost. A robot's tick takes 0.1 s; its clock is off, and drifts by up to 0.1 %.
@@ -10,7 +6,6 @@ Each party hears everything that is not lost. A robot's tick takes 0.1 s; its cl
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from itertools import count
@@ -18,7 +13,7 @@ from math import inf
 from random import Random
 
 from sleepcast.language.parts import Auction
-from sleepcast.mind.auction import Auctioneer, Bid, BidMessage, BidPhase, GrantMessage, rank
+from sleepcast.mind.auction import Auctioneer, Bid, BidMessage, BidPhase, GrantMessage
 
 TICK, STEP = 0.1, 0.05
 """Seconds of a robot's tick, and between two looks of a caller."""
@@ -44,7 +39,10 @@ class SimulatedRobot:
     dies: float = inf
     stopped: float = inf
     willing: bool = True
-    bids: dict[int, Bid] = field(default_factory=dict)
+    accepts: bool = True
+    """Whether the test of a QUORUM is true on it."""
+    bids: dict[int, Bid | None] = field(default_factory=dict)
+    """None: it does not bid, or has nothing more to say."""
     inbox: list[tuple[int, int, object]] = field(default_factory=list)
     """Messages: of which auction, their numbers, and what they say."""
 
@@ -53,7 +51,8 @@ class SimulatedRobot:
 
     def member_of(self, auction: int, time: float) -> bool:
         """Whether it obeys at present."""
-        return time < self.dies and auction in self.bids and self.bids[auction].phase is BidPhase.MEMBER
+        bid = self.bids.get(auction)
+        return bid is not None and bid.phase is BidPhase.MEMBER and time < self.dies
 
 
 class Rounds:
@@ -130,18 +129,27 @@ class Rounds:
             if isinstance(said, GrantMessage):
                 if bid is not None and bid.hear(said, sequence, now):
                     bid.settle(robot.willing and not stopped)
-            elif bid is None and not stopped:
-                auction = self.auctions[number]
-                cost = robot.cost if auction.name == "BEST" else 0.0
-                until = robot.now(LIFE)
-                robot.bids[number] = Bid(auction, ("desk", 1, number), robot.name, cost, now, until, 0.02)
+            elif number not in robot.bids and not stopped:
+                robot.bids[number] = self._bid(robot, number, now)
         robot.inbox.clear()
         for number, bid in robot.bids.items():
+            if bid is None:
+                continue
             if stopped:
                 bid.leave()
             bid.tick(now)
             if (said := bid.say(now)) is not None:
                 self._send(self.callers[number], robot.name, number, BidMessage.of(said.body()))
+            if bid.is_over:
+                robot.bids[number] = None
+
+    def _bid(self, robot: SimulatedRobot, number: int, now: float) -> Bid | None:
+        """What a robot bids that hears a poll."""
+        auction, is_best = self.auctions[number], self.auctions[number].name == "BEST"
+        if not (is_best or robot.accepts):
+            return None
+        cost, until = robot.cost if is_best else 0.0, robot.now(LIFE)
+        return Bid(auction, ("desk", 1, number), robot.name, cost, now, until, 0.02)
 
 
 def best(most: int, lease: float = 4.0) -> Auction:
@@ -150,46 +158,3 @@ def best(most: int, lease: float = 4.0) -> Auction:
 
 def quorum(least: int, most: int, lease: float = 4.0) -> Auction:
     return Auction("QUORUM", least, most, "", "", 1.0, lease, (), ())
-
-
-def best_of(rounds: Rounds, most: int) -> set[str]:
-    """The robots that have the least costs of all."""
-    return {robot.name for robot in sorted(rounds.robots, key=lambda each: rank(each.cost, each.name))[:most]}
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description="Rounds of BEST and QUORUM on a radio that loses.")
-    parser.add_argument("--rounds", type=int, default=10_000)
-    parser.add_argument("--loss", type=float, action="append", help="share of messages that are lost, e.g. 0.5")
-    options = parser.parse_args()
-    rounds = options.rounds
-    print(f"{rounds:,} rounds each: BEST 4 of 12, QUORUM 5 8 of 12, one robot in eight dies on the way")
-    print("lost   the true four   four of others   fewer   too many   quorum started   short   too many")
-    for loss in options.loss or (0.0, 0.1, 0.2, 0.3, 0.4, 0.5):
-        print(f"{loss:4.0%}   {'   '.join(_row(loss, rounds))}", flush=True)
-
-
-def _row(loss: float, rounds: int) -> list[str]:
-    true = others = fewer = many = started = short = crowd = 0
-    for seed in range(rounds):
-        chance = Random(f"{loss} {seed}")
-        each = Rounds(chance, [best(4), quorum(5, 8)], 12, loss)
-        for robot in each.robots:
-            robot.dies = chance.uniform(0.0, 8.0) if chance.random() < 0.125 else inf
-        each.run(7.0)
-        obeyed = set(each.callers[0].status().members)
-        alive = {robot.name for robot in each.robots if robot.dies > each.time}
-        living = sorted((robot for robot in each.robots if robot.name in alive), key=lambda r: rank(r.cost, r.name))
-        true += obeyed in (best_of(each, 4), {robot.name for robot in living[:4]})
-        others += len(obeyed) >= 4 and obeyed not in (best_of(each, 4), {robot.name for robot in living[:4]})
-        fewer += len(obeyed) < 4
-        many += each.most_members[0] > 4
-        status = each.callers[1].status()
-        started, short, crowd = started + status.started, short + status.short, crowd + (each.most_members[1] > 8)
-    shares = (true, others, fewer, many, started, short)
-    wide = (13, 14, 5, 8, 14, 5)
-    return [f"{share / rounds:{width}.2%}" for share, width in zip(shares, wide, strict=True)] + [f"{crowd:8}"]
-
-
-if __name__ == "__main__":
-    main()

@@ -41,6 +41,7 @@ class CommandRow(msgspec.Struct, frozen=True):
     failing: rules that it brought and that fail now
     moving: those that have accepted STOP and are not at rest yet
     by: the operator who has sent it, "" where nobody is named
+    bids: how an auction stands, in words, "" for a command that chooses nobody
     """
 
     id: str
@@ -62,11 +63,12 @@ class CommandRow(msgspec.Struct, frozen=True):
     failing: tuple[ShownFailing, ...] = ()
     moving: int = 0
     by: str = ""
+    bids: str = ""
 
 
-State = tuple[int, int, int, str, tuple[ShownFailing, ...]]
-"""What a row depends on: how many answered, how many were addressed, how often robots reported coming to rest, why
-robots wait, which rules fail."""
+State = tuple[int, int, int, int, str, tuple[ShownFailing, ...]]
+"""What a row depends on: how many answered, how many were addressed, how often robots reported coming to rest, how
+often an auction has changed, why robots wait, which rules fail."""
 
 
 class AccountTable:
@@ -117,10 +119,12 @@ class AccountTable:
         """The row of a command, made anew only if something was reported since. before: what it was."""
         late = self._swarm.now() + self._began - command.message.issued > ON_ITS_WAY
         waiting = held_up if held_up and not late and command.n_silent else ""
-        state = len(command.answers), command.addressed, command.rest.version, waiting, self.failing.of(command.id)
+        bids = 0 if command.auctioneer is None else command.auctioneer.version
+        counts = len(command.answers), command.addressed, command.rest.version, bids
+        state = *counts, waiting, self.failing.of(command.id)
         if before is not None and before[0] == state:
             return before
-        return state, self._row(command, self.desk_of(command).accounting(command.id), *state[3:])
+        return state, self._row(command, self.desk_of(command).accounting(command.id), *state[4:])
 
     def _row(self, command: Command, account: Account, waiting: str, failing: tuple[ShownFailing, ...]) -> CommandRow:
         return CommandRow(
@@ -143,6 +147,7 @@ class AccountTable:
             failing,
             0 if account.rest is None else account.rest.n_stopping,
             command.message.sender if self._others else "",
+            "" if account.auction is None else account.auction.sentence(),
         )
 
     def outcomes(self, command: str, time: float) -> bytes:

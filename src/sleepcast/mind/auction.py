@@ -317,6 +317,8 @@ class Auctioneer:
         self.closed = inf
         """Since when nobody else is chosen, s."""
         self._pace, self._next = beat_of(auction.lease), began
+        self.version = 0
+        """Another one whenever the status may be another one."""
 
     def hear(self, name: str, life: int, said: BidMessage, now: float) -> None:
         """Take in what a robot says, in which life it is; of robots of one name the first one counts."""
@@ -328,11 +330,13 @@ class Auctioneer:
             return
         cost = said.cost if known is None else known.cost
         self._bids[name] = HeardBid(cost, life, said.beat, now)
-        self._costs[name] = cost
+        if self._costs.get(name) != cost:
+            self._costs[name], self.version = cost, self.version + 1
         place = self._places.get(name)
         if place is not None:
             confirmed = said.phase is BidPhase.MEMBER
-            self._obeyed |= dict.fromkeys([name] if confirmed else [])
+            if confirmed and name not in self._obeyed:
+                self._obeyed[name], self.version = None, self.version + 1
             self._places[name] = TakenPlace(said.beat, self._outlasting(now), confirmed)
         if len(self._costs) > 2 * MAX_BIDS:
             self._forget_the_worst()
@@ -355,7 +359,8 @@ class Auctioneer:
 
     def end(self) -> None:
         """Say nothing more: members leave when their leases are over."""
-        self.ended, self.is_open, self.closed = True, False, min(self.closed, self.window_ends)
+        self.ended, self.closed = True, min(self.closed, self.window_ends)
+        self.is_open, self.version = False, self.version + 1
 
     def is_over(self, now: float) -> bool:
         """Whether there is nothing left to be said."""
@@ -383,14 +388,14 @@ class Auctioneer:
             for name in waiting[: self.auction.most - len(self._places)]:
                 bid = self._bids[name]
                 self._places[name] = TakenPlace(bid.beat, self._outlasting(bid.heard))
-                self._chosen[name] = None
+                self._chosen[name], self.version = None, self.version + 1
                 self.started, self._changed = True, now
         quiet = len(self._places) == self.auction.most or now >= self._changed + self.auction.window
         if now >= self.until or (quiet and self._is_settled):
             self._close(now)
 
     def _close(self, now: float) -> None:
-        self.is_open, self.closed = False, now
+        self.is_open, self.closed, self.version = False, now, self.version + 1
 
     @property
     def _is_settled(self) -> bool:

@@ -145,12 +145,7 @@ class Prepared(msgspec.Struct, frozen=True, eq=False, dict=True):
     def forecast(self) -> Forecast:
         """Who would obey, of those whom it is for."""
         yes, no, unknown, undecided = (self._named(code) for code in (YES, NO, UNKNOWN, UNDECIDED))
-        return Forecast(yes, no, unknown, self.nameless, undecided, self._most)
-
-    @property
-    def _most(self) -> int | None:
-        auction = auction_of(self.draft.program.root)
-        return None if auction is None else auction.most
+        return Forecast(yes, no, unknown, self.nameless, undecided, self.preview.most)
 
     def _named(self, code: int) -> RobotNames:
         return RobotNames(self.preview.names, self._places(code))
@@ -168,7 +163,8 @@ class Prepared(msgspec.Struct, frozen=True, eq=False, dict=True):
     def may(self) -> int:
         """How many may obey: the number that its sender may have to say."""
         may = int(np.count_nonzero((self.codes == YES) | (self.codes == UNKNOWN))) + self.nameless
-        return may if self._most is None else min(may, self._most)
+        most = self.preview.most
+        return may if most is None else min(may, most)
 
     def despite_names(self) -> Prepared:
         """The same, whose sender insists on names that no robot has."""
@@ -203,7 +199,7 @@ def _refuse_unknown_test(program: Program, codes: NDArray[np.uint8]) -> None:
 
 def validate_address(program: Program, everybody: bool, roster: int) -> None:
     """A command to all robots must be confirmed. Raises NotConfirmedError."""
-    if everybody or not is_for_everybody(program) or auction_of(program.root) is not None:
+    if everybody or not is_for_everybody(program):
         return
     which = "has no test" if program.test is None else "has a test that is always true"
     raise NotConfirmedError(

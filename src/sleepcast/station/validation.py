@@ -31,7 +31,7 @@ from sleepcast.core.records import NamedTuple
 from sleepcast.language import Checked, check
 from sleepcast.language.evaluate import is_true
 from sleepcast.language.explain import Explanation
-from sleepcast.language.parts import Part, walk
+from sleepcast.language.parts import Part, auction_of, walk
 from sleepcast.language.program import Program
 from sleepcast.language.rehearsal import ACTION
 from sleepcast.language.symbols import Declared
@@ -348,6 +348,7 @@ class Preview(msgspec.Struct, frozen=True, eq=False, dict=True):
     everybody: the command has no test, or one that is true whatever the robot
     oldest: the age in s of the oldest news that a yes or no rests on (0 if none does)
     nameless: how many robots there are besides that were never heard, all of them unknown
+    most: how many are chosen of those who would bid, None for a command that chooses nobody
     """
 
     codes: NDArray[np.uint8]
@@ -357,6 +358,7 @@ class Preview(msgspec.Struct, frozen=True, eq=False, dict=True):
     everybody: bool
     oldest: float
     nameless: int = 0
+    most: int | None = None
 
     def without(self, robots: Index, why: str) -> Preview:
         """The same, but for the robots at these places, of which the desk cannot say for another reason."""
@@ -431,7 +433,9 @@ def preview(
         reason[robots] = np.where(undecided, np.uint8(len(listed)), why + np.uint8(len(listed)))
         listed += reasons
         oldest = float(np.min(times[robots][known], initial=now))
-    return Preview(codes, reason, tuple(listed), roster.names, is_for_everybody(program), now - oldest, roster.nameless)
+    auction, everybody = auction_of(program.root), is_for_everybody(program)
+    most = None if auction is None else auction.most
+    return Preview(codes, reason, tuple(listed), roster.names, everybody, now - oldest, roster.nameless, most)
 
 
 _DEEDS = frozenset({"set_user", "write", "defvar", "store", "act"})
@@ -473,6 +477,8 @@ def is_predicate_only(program: Program) -> bool:
 def is_for_everybody(program: Program) -> bool:
     """Whether every robot that hears the command would obey: it has no test, or one that is true of nothing known,
     or one that the declared ranges of its variables make always true."""
+    if auction_of(program.root) is not None:
+        return False
     test = program.test
     return test is None or _always(test.root) or _true_of_nothing_known(test)
 

@@ -68,6 +68,7 @@ def test_who_would_obey_depends_on_whom_it_is_for(seat: Seat) -> None:
     session = seat.session
     assert seat.foreseen("(WHEN (> id 0) (ST))") == "would obey: yes 2, no 1, unknown 0"
     assert seat.foreseen("(DRIVE 1)") == "would obey: yes 3, no 0, unknown 0, EVERYBODY"
+    assert seat.foreseen("(BEST 2 id TRUE (ST))") == "would bid, 2 at most will obey: yes 3, no 0, unknown 0"
     session.address("bravo")
     assert seat.foreseen("(DRIVE 1)") == "would obey: yes 1, no 2, unknown 0"
     session.address("(> x 0.5m)")

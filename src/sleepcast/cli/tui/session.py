@@ -228,7 +228,8 @@ class TuiSession:
         reason = next(iter(preview.reasons), "")
         why = f" ({reason})" if unknown and reason and not self.to.robot else ""
         who = ", EVERYBODY" if preview.everybody and not self.to.robot else ""
-        return f"would obey: yes {yes}, no {no}, unknown {unknown}{why}{who}"
+        would = "would obey" if preview.most is None else f"would bid, {preview.most} at most will obey"
+        return f"{would}: yes {yes}, no {no}, unknown {unknown}{why}{who}"
 
     @staticmethod
     def _only(to: Addressee) -> list[str] | None:

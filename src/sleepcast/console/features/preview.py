@@ -27,7 +27,12 @@ class GetPreview(PageMessage, tag="preview"):
 
 
 class Previewed(DeskMessage):
-    """What the station thinks of a text. counted: whether it could be previewed at all; lit: a byte for each robot."""
+    """What the station thinks of a text.
+
+    counted: whether it could be previewed at all
+    lit: a byte for each robot
+    most: how many are chosen of those who would bid, None for a command that chooses nobody
+    """
 
     serial: int
     findings: list[ShownFinding]
@@ -40,6 +45,7 @@ class Previewed(DeskMessage):
     oldest: float = 0.0
     reasons: list[tuple[str, int]] = msgspec.field(default_factory=list)
     lit: bytes = b""
+    most: int | None = None
 
 
 class PreviewSource(Protocol):
@@ -79,4 +85,5 @@ def get_preview(source: PreviewSource, asked: GetPreview) -> Previewed:
         preview.oldest,
         list(preview.reasons.items())[:MAX_REASONS],
         preview.codes[: len(source.scene.names)].tobytes(),  # others that speak on the channel are not on the map
+        preview.most,
     )

@@ -67,7 +67,7 @@ export class Accounting extends EventTarget {
     this.root.querySelector("#no-commands").hidden = rows.length > 0;
     this.root.querySelector("#account").hidden = rows.length === 0;
     const now = this.get(this.chosen);
-    if (before && now && [...OUTCOMES, "held", "not_stored", "moving", "waiting"].some((what) => before[what] !== now[what])) this.changed("counted");
+    if (before && now && [...OUTCOMES, "held", "not_stored", "moving", "waiting", "bids"].some((what) => before[what] !== now[what])) this.changed("counted");
     if (!now && this.chosen) this.choose("");
     if (this.rows.has(this.wanted)) this.bring(this.wanted);
   }
@@ -187,12 +187,13 @@ function sortOf(row) {
   return kind ? [Object.assign(document.createElement("span"), { className: "sort", textContent: kind })] : [];
 }
 
-// Why robots have not done what the command says, although it was for them, or not yet; or may forget that they have.
+// Who bids and is chosen; why robots have not done what the command says, although it was for them, or not yet; or may
+// forget that they have.
 function heldUp(row) {
   const held = row.held > 0 ? `held by STOP: ${row.held.toLocaleString("en")}` : "";
   const lost = row.not_stored > 0 ? `not stored: ${row.not_stored.toLocaleString("en")}` : "";
   const moving = row.moving > 0 ? `still moving: ${row.moving.toLocaleString("en")}` : "";
-  return [row.waiting && `waiting: ${row.waiting}`, held, moving, lost].filter(Boolean).join(" · ");
+  return [row.bids, row.waiting && `waiting: ${row.waiting}`, held, moving, lost].filter(Boolean).join(" · ");
 }
 
 // Bytes from the base64 text that JSON carries.

@@ -276,6 +276,7 @@ export class Prompt extends EventTarget {
       const count = answer ? answer[name].toLocaleString("en") : "–";
       write(this.find(name), count);
     }
+    write(this.find("would"), answer?.most ? `would bid, ${answer.most.toLocaleString("en")} at most will obey` : "would obey");
     this.find("unknown").parentElement.title = answer?.reasons.map(([why, count]) => `${count}: ${why}`).join("\n") ?? "";
     this.find("preview").classList.toggle("known", answer !== null);
     const everybody = (answer?.everybody ?? false) && this.kind !== "ask";
@@ -299,7 +300,8 @@ export class Prompt extends EventTarget {
 
   // What is wrong with the text: why it was refused, which no later preview takes away, and what checking found.
   showFindings() {
-    const findings = [...this.refused, ...(this.preview?.findings ?? [])];
+    const refused = this.refused.map(({ shown }) => shown).join("\n");
+    const findings = [...this.refused, ...(this.preview?.findings ?? []).filter(({ message }) => !refused.includes(message))];
     const key = JSON.stringify(findings);
     if (key === this.shownFindings) return; // a screen reader would say them again
     this.shownFindings = key;

@@ -59,6 +59,8 @@ def test_copies_messages_and_bytes_are_those_that_went_out(stand: Stand) -> None
     stand.swarm.witnesses.append(ear)
     put(stand.desk, Send, 1, '(RULE talk (EVERY 1s (REPORT "at" x y)))', True)
     put(stand.desk, Send, 2, "battery", False, "ask")
+    stand.desk.station.send("(BEST 1 battery TRUE (MARK))")
+    stand.run(1.0)
     stand.desk.stop()
     stand.run(5.0)
     found = put(stand.desk, GetRadio, 3)

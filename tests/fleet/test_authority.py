@@ -1,8 +1,8 @@
 """Authority in a fleet is authority in a node: whoever sends whatever, in whatever order and however late, the robots
 of a fleet answer with the same outcome and sentence, tell the same of themselves, and end in the same state.
 
-Two operators, a commander, an observer, another robot and somebody without a role send messages of every kind. Some are
-lost on some robots, repeated, late, early, or malformed.
+Two operators, a commander, an observer, another robot and somebody without a role send messages of every kind, and
+grant what robots bid. Some are lost on some robots, repeated, late, early, or malformed.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from fleet.twins import Twins, vocabulary
 from language.cases import SENSORS, Body
 from sleepcast.channel.message import (
+    BID,
     DRIVER,
     ENDS,
     HOPS,
@@ -36,6 +37,7 @@ from sleepcast.core.serial import pack, unpack
 from sleepcast.fleet import Fleet
 from sleepcast.fleet.schema import FleetSnapshot
 from sleepcast.fleet.snapshot import restore, state_of
+from sleepcast.mind.auction import BidMessage, GrantMessage
 from sleepcast.mind.authority import Tells
 from sleepcast.robot import Reading, Setpoint
 
@@ -49,6 +51,12 @@ ROLES = {
     "r9": Role.ROBOT,
     "desk": "",
 }
+AUCTIONS = (
+    "(BEST 2 (- fuel id) (> fuel 1) (PROGN (JOIN bravo) (RULE a (MARK)) (VM 1 1)) :lease 1s)",
+    "(BEST 1 UNKNOWN (IN bravo) (MARK))",
+    "(QUORUM 1 2 (NOT (IN charlie)) (PROGN (JOIN charlie) (TELL (JOIN bravo)) (+ fuel UNKNOWN)))",
+    "(QUORUM 1 2 (NOT marked) (PROGN (MARK) (twice fuel)) :lease 10s)",
+)
 TEXTS = (
     "(VM 1 1)",
     "(SETQ throttle 0.5)",
@@ -82,6 +90,7 @@ TEXTS = (
     "(PROGN (VM 1 1) (TELL (JOIN bravo) :hops 2))",
     "(nonsense",
     "(+ nobody 1)",
+    *(3 * AUCTIONS),
 )
 
 
@@ -122,6 +131,7 @@ class Life:
     sent: dict[tuple[str, int], int] = field(default_factory=dict)
     said: list[Message] = field(default_factory=list)
     stops: list[Message] = field(default_factory=list)
+    sequence: int = 0
 
     def some(self) -> list[int] | None:
         count = len(self.twins.nodes)
@@ -145,10 +155,35 @@ class Life:
             twins.hear(message, those)
         twins.think(chance.choice((1, 1, 3, 8, 25, 700)), self.some() if chance.random() < 0.2 else None)
         told = [said for node in twins.nodes for said in node.outbox if said.kind is Kind.COMMAND]
+        bids = [said for node in twins.nodes for said in node.outbox if BID in said.body]
         self.compare()
+        self.grant(bids)
         for said in told[:2]:
             role = chance.choice((Role.ROBOT, Role.ROBOT, ""))
             twins.hear(Message(**{name: getattr(said, name) for name in said.__struct_fields__} | {"role": role}))
+
+    def grant(self, bids: list[Message]) -> None:
+        """The callers of some robots that bid say something; some of it comes late, or twice."""
+        chance, polls = self.chance, {each.id: each for each in self.said}
+        for bid in chance.sample(bids, min(len(bids), 2)):
+            said = BidMessage.of(bid.body)
+            assert said is not None
+            poll = polls[f"{said.caller}-{said.epoch}.{said.number}"]
+            granted = {bid.sender: said.beat - chance.choice((0, 0, 0, 1))} if chance.random() < 0.8 else {}
+            grants = GrantMessage(said.number, chance.random() < 0.8, granted, ((0.5, "r1"), (2.0, "r2")))
+            self.sequence += 1
+            about = {"role": poll.role, "key": poll.key, "ahead": chance.choice((0.0, 0.0, 0.0, 9.0))}
+            sent = Message(
+                *(poll.sender, poll.epoch, 1_000 + self.sequence, Kind.REQUEST, self.twins.now),
+                body=grants.body(),
+                **about,
+            )
+            note(f"{sent}")
+            for _ in range(chance.choice((1, 1, 2))):
+                self.twins.hear(sent, self.some())
+        if bids and chance.random() < 0.7:
+            self.twins.think()
+            self.compare()
 
     def divide_the_work(self) -> None:
         """Some robots are in a group, which anna takes."""

@@ -150,8 +150,8 @@ def test_a_caller_remembers_so_many_bids_and_robots_that_are_gone_and_all_who_we
     assert status.chosen == ("r0", "r1")
     assert len(status.bids) <= 20
     assert {"r0", "r1"} < status.bids.keys()
-    assert len(caller._gone) <= 20
-    assert "g999" in caller._gone
+    assert len(caller.gone) <= 20
+    assert "g999" in caller.gone
     grants = caller.step(1.2)
     assert grants is not None
     assert list(grants.granted) == ["r0", "r1"]
@@ -231,7 +231,7 @@ def test_a_robot_that_is_not_chosen_knows_who_was() -> None:
     mine.hear(GrantMessage(7, False, {"r3": 9, "r4": 8}, ((1.0, "r3"), (2.0, "r4"))), 1, 1.3)
     assert (mine.phase, mine.outbid) == (BidPhase.OUT, ("r3", "r4"))
     while not mine.is_over:
-        mine.say(mine._next)
+        mine.say(mine.next)
     late = bid()
     late.tick(LIFE + 0.1)
     assert (late.phase, late.outbid) == (BidPhase.OUT, ())

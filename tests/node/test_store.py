@@ -123,7 +123,7 @@ def hire(fleet: Afloat, robot: Living) -> Message:
     fleet.run(0.3)
     assert robot.node.bidding is not None
     (bid,) = (each.bid for each in robot.node.bidding._open)
-    grants = GrantMessage(poll.sequence, True, {robot.name: max(bid._beats)}, ())
+    grants = GrantMessage(poll.sequence, True, {robot.name: max(bid.beats)}, ())
     fleet.air.desk.delivery.post(Kind.REQUEST, fleet.air.clock.now(), body=grants.body())
     fleet.run(0.3)
     return poll

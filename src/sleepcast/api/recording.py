@@ -108,12 +108,13 @@ class RecordingWitness:
         now, tick = self._swarm.now(), self._swarm.simulator.tick
         self._posted.append((tick, message))
         self._recorder.posted(now, tick, message)
-        self._recorder.log(now, message.sender, message.text or message.kind.name)
+        if message.kind is not Kind.REQUEST:
+            self._recorder.log(now, message.sender, message.text or message.kind.name)
 
     def said(self, batch: MessageBatch) -> None:
-        """What robots say goes on the air in this tick. Answers come to be seen in the account."""
+        """What robots say goes on the air in this tick. Answers and bids come to be seen in the account."""
         self._unmarked = True
-        if batch.kind is Kind.ANSWER:
+        if batch.kind in (Kind.ANSWER, Kind.REQUEST):
             return
         for message in batch.messages():
             self._recorder.log(self._swarm.now(), message.sender, in_words(message))

@@ -113,6 +113,18 @@ class Relays(msgspec.Struct, frozen=True):
         return {HOPS: self.hops, DRIVER: self.driver} if self.driver else {HOPS: self.hops}
 
 
+class PlainBody(msgspec.Struct, frozen=True):
+    """The same body for all these robots, without a text: what one says of its bid."""
+
+    said: Body
+
+    def text(self, index: int) -> str:
+        return ""
+
+    def body(self, index: int) -> Body:
+        return dict(self.said)
+
+
 class MessageBatch(msgspec.Struct, frozen=True):
     """One message from each of some robots.
 
@@ -200,6 +212,15 @@ class RelaysState(msgspec.Struct, tag="told"):
     driver: str = ""
 
 
+class PlainBodyState(msgspec.Struct, tag="body"):
+    """See `PlainBody`."""
+
+    said: Body
+
+
+ContentsState = AnswersState | ReportsState | RelaysState | PlainBodyState
+
+
 class MessageBatchState(msgspec.Struct, tag="chorus"):
     """See `MessageBatch`."""
 
@@ -209,7 +230,7 @@ class MessageBatchState(msgspec.Struct, tag="chorus"):
     sequences: Array
     issued: Array
     lasts: float
-    words: AnswersState | ReportsState | RelaysState
+    words: ContentsState
 
 
 def dump_batch(what: MessageBatch) -> MessageBatchState:
@@ -241,7 +262,7 @@ def ascending(listed: Array, count: int) -> NDArray[np.intp]:
     return robots
 
 
-def _dump_contents(words: Contents, places: NDArray[np.intp]) -> AnswersState | ReportsState | RelaysState:
+def _dump_contents(words: Contents, places: NDArray[np.intp]) -> ContentsState:
     if isinstance(words, AnswerColumns):
         outcome, value, fault = (Array.of(column[places]) for column in (words.outcome, words.value, words.fault))
         return AnswersState(words.command, words.outcomes, outcome, value, words.faults, fault, words.details)
@@ -249,12 +270,16 @@ def _dump_contents(words: Contents, places: NDArray[np.intp]) -> AnswersState | 
         return ReportsState(words.label, tuple(Array.of(column[places]) for column in words.values), words.rule)
     if isinstance(words, Relays):
         return RelaysState(words.said, words.hops, words.driver)
+    if isinstance(words, PlainBody):
+        return PlainBodyState(words.said)
     raise TypeError(f"{type(words).__name__} cannot be kept")
 
 
-def _load_contents(state: AnswersState | ReportsState | RelaysState, shape: tuple[int, ...]) -> Contents:
+def _load_contents(state: ContentsState, shape: tuple[int, ...]) -> Contents:
     if isinstance(state, RelaysState):
         return Relays(state.said, state.hops, state.driver)
+    if isinstance(state, PlainBodyState):
+        return PlainBody(state.said)
     if isinstance(state, ReportsState):
         values = tuple(column.made(np.float64, shape, "reported") for column in state.values)
         return Reports(state.label, values, state.rule)

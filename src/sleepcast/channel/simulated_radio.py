@@ -21,7 +21,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.message import TO_OPERATOR, Kind, Message
+from sleepcast.channel.message import BID, TO_OPERATOR, Kind, Message
 from sleepcast.channel.message_batch import MessageBatch, MessageBatchState, ascending, dump_batch, load_batch
 from sleepcast.core.clock import Clock
 from sleepcast.core.counter_rng import key, uniform
@@ -226,6 +226,7 @@ class Radio:
     around: width and height of a torus, m; infinite for a plain world
     desks: how many operators listen
     between: how many walls lie between parties now; without it walls do not count
+    party: the number of a party by its name. What a robot bids goes to its caller alone: nobody else takes it in
     """
 
     def __init__(
@@ -239,6 +240,7 @@ class Radio:
         around: tuple[float, float] = _PLAIN,
         desks: int = 1,
         between: Between | None = None,
+        party: Callable[[str], int] = lambda name: OPERATOR,
     ) -> None:
         self.desks = np.arange(OPERATOR, OPERATOR - desks, -1, dtype=np.int64)
         """The operators' numbers."""
@@ -246,6 +248,7 @@ class Radio:
         self.counts = RadioCounts()
         self._x, self._y, self._seed, self._clock, self._around = x, y, seed, clock, around
         self._between = between if model.wall < 1.0 else None
+        self._party = party
         self._count = len(x)
         self._waiting: list[InFlight] = []
         self._on_the_way = 0
@@ -367,10 +370,14 @@ class Radio:
         if transmitter < 0:
             near, everybody = self._near_operator(), self._everybody()
             return everybody, everybody if near is None else everybody[near]
-        if message.kind in TO_OPERATOR:
+        meant = self._everybody() if message.kind not in TO_OPERATOR else self.desks
+        match message.body.get(BID):
+            case [str() as caller, *_]:
+                meant = np.array([self._party(caller)], np.int64)
+        if meant.size and meant[0] < 0:
             near = self._near_operator()
-            return self.desks, self.desks if near is None or near[transmitter] else self.desks[:0]
-        others = np.delete(self._everybody(), transmitter)
+            return meant, meant if near is None or near[transmitter] else meant[:0]
+        others = meant[meant != transmitter]
         if self.model.reach == inf and self._between is None:
             return others, others
         near = self._within(float(self._x[transmitter]), float(self._y[transmitter]), self.model.reach)

@@ -14,13 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.message import (
-    FOR,
-    NOT,
-    Kind,
-    Message,
-    is_addressed,
-)
+from sleepcast.channel.message import FOR, NOT, Kind, Message, is_addressed
 from sleepcast.channel.message_batch import MessageBatch, NameIndex
 from sleepcast.columns.values import Column, Index, Mask, Rows
 from sleepcast.core.errors import MisuseError, SleepcastError
@@ -28,14 +22,7 @@ from sleepcast.core.model import RestState
 from sleepcast.core.threads import ThreadPool
 from sleepcast.fleet.authority import FleetAuthority
 from sleepcast.fleet.bodies import FleetBodies
-from sleepcast.fleet.inspection import (
-    EvaluationLog,
-    FleetTelemetry,
-    LogEntry,
-    ReadSet,
-    recollect,
-    rehearsal,
-)
+from sleepcast.fleet.inspection import EvaluationLog, FleetTelemetry, LogEntry, ReadSet, recollect, rehearsal
 from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.messages import Inbox, Outbox
 from sleepcast.fleet.native.kernels import Kernels, MadeKernels, available
@@ -50,12 +37,7 @@ from sleepcast.language.program import Program
 from sleepcast.language.reader import read, show
 from sleepcast.language.symbols import Declared, UserVariable
 from sleepcast.language.vocabulary import TICK, TIME_SLOT, Variable, Vocabulary, rule_key
-from sleepcast.mind.authority import (
-    AT_REST,
-    ENDED,
-    Tells,
-    outcome_of_untimely,
-)
+from sleepcast.mind.authority import AT_REST, ENDED, Tells, outcome_of_untimely
 from sleepcast.mind.inspection import BodyState, Details, Self, answer_inspection
 from sleepcast.mind.limits import ASKS_TOO_MUCH, MAX_BACKLOG
 from sleepcast.mind.rules import in_order
@@ -153,7 +135,8 @@ class RobotView:
     @property
     def awake(self) -> bool:
         """See `Node.awake`."""
-        return self._fleet.waiting(self.index) > 0 or bool(self._mind.running) or self.driven
+        busy = self._fleet.waiting(self.index) > 0 or self.index in self._fleet.bids.busy
+        return busy or bool(self._mind.running) or self.driven
 
     @property
     def outbox(self) -> list[Message]:
@@ -358,6 +341,7 @@ class Fleet(Mapping[str, RobotView]):
         self.scheduler = BatchScheduler(self.memory, self.authority)
         self._bodies = FleetBodies(self.state, bodies, self.authority)
         self._obeying = Obeying(self.memory, self.evaluation_log, self.authority, self._look, on_air=on_air)
+        self.bids = self._obeying.bids
         self.telemetry = FleetTelemetry(self.state, self.minds, self._bodies)
         """The latest telemetry of each robot."""
         self._read_set = ReadSet(self.memory)
@@ -476,8 +460,9 @@ class Fleet(Mapping[str, RobotView]):
 
     @property
     def awake(self) -> Mask:
-        """Which robots have anything to do in the next tick: a message, active rules, or a driven body."""
+        """Which robots have anything to do in the next tick: a message, a bid, active rules, or a driven body."""
         awake = self.inbox.waiting > 0
+        awake[self.bids.busy] = True
         awake |= self.memory.where(self.rows(), _runs)
         awake[self.authority.driven().index] = True
         return awake
@@ -485,7 +470,7 @@ class Fleet(Mapping[str, RobotView]):
     def awake_rows(self) -> Rows:
         """The robots that are awake."""
         everybody = self.rows()
-        if self.inbox.empty and not self.authority.driven().size:
+        if self.inbox.empty and not self.authority.driven().size and not self.bids.busy:
             groups = self.memory.divide(everybody, lambda number: _runs(self.minds[number]))
             return next((rows for running, rows, _ in groups if running), Rows.run(0, 0))
         return everybody.take(self.awake)
@@ -507,6 +492,9 @@ class Fleet(Mapping[str, RobotView]):
     def receive(self, message: Message, robots: Some = None) -> None:
         """Receive a message on these robots: STOP and RELEASE take effect at once, commands and questions are
         queued."""
+        if message.kind is Kind.REQUEST:  # which is no sign that somebody drives
+            self.bids.hear(message, self.rows(() if message.ahead else robots).robots)
+            return
         heard = meant = self.inbox.first_heard(message, self.rows(robots).robots)
         if FOR in message.body or NOT in message.body:
             meant = np.array([i for i in heard.tolist() if is_addressed(message.body, self.names[i])], np.intp)
@@ -516,6 +504,7 @@ class Fleet(Mapping[str, RobotView]):
         self.authority.hear(message, Rows.of(heard))
         if message.kind is Kind.STOP:  # whoever hears it stops; only those that it is addressed to answer
             stopped, released = self._bodies.obey_stop(message, Rows.of(heard))
+            self.bids.stop(stopped.robots)
             self.outbox.answer_alike(message, Rows.of(np.intersect1d(stopped.robots, meant)), "stopped")
             self.outbox.answer_alike(message, released, "fault", ENDED)
         elif message.kind is Kind.RELEASE:
@@ -600,6 +589,7 @@ class Fleet(Mapping[str, RobotView]):
         end_leases(self.memory, rows, now)
         for message, some in self.inbox.take(rows):
             self._obeying.obey(message, some, now)
+        self.bids.tick(rows, now)
         resting = self._bodies.resting(rows)
         self._run_rules(rows if resting is None else rows.take(~resting))
         self.end_round(rows)

@@ -46,7 +46,7 @@ class Outbox:
     """The outboxes of a fleet. names: of the robots."""
 
     def __init__(self, state: FleetState, names: Sequence[str]) -> None:
-        self._state, self._names = state, names
+        self._state, self.names = state, names
         self.epoch = 0
         self._batches: list[MessageBatch] = []
         self._outboxes: dict[int, list[Message]] = {}
@@ -74,7 +74,7 @@ class Outbox:
         if places is None:
             places = robots if robots[0] == 0 and robots[-1] == rows.size - 1 else np.arange(rows.size)
         self._batches.append(
-            MessageBatch(kind, self._names, self.epoch, robots, places, sequences, issued, lasts, words)
+            MessageBatch(kind, self.names, self.epoch, robots, places, sequences, issued, lasts, words)
         )
 
     def _count_again(self, rows: Rows) -> None:
@@ -195,7 +195,7 @@ class Outbox:
         if not all(0 <= robot < count for robot in (*state.outboxes, *state.ping_lists)):
             raise SerialError("a robot that is not there has something to say")
         self.epoch = state.epoch
-        self._batches = [load_batch(batch, self._names) for batch in state.sayings]
+        self._batches = [load_batch(batch, self.names) for batch in state.sayings]
         self._outboxes = {robot: list(messages) for robot, messages in state.outboxes.items()}
         self._ping_lists = {robot: list(castes) for robot, castes in state.ping_lists.items()}
         self._pings, self._pinged = [], np.zeros(count, np.int16)

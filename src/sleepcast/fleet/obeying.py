@@ -4,7 +4,7 @@ they answer. The steps, and their order, are those of `Node`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +17,13 @@ from sleepcast.columns.values import Column, Index, Mask, Rows
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.records import dataclass
 from sleepcast.fleet.authority import FleetAuthority
+from sleepcast.fleet.bidding import FleetBids
 from sleepcast.fleet.inspection import EvaluationLog, LogEntry, rehearsal
 from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.state import MindNames
 from sleepcast.language.explain import foretell
 from sleepcast.language.functions import MAX_HOPS
+from sleepcast.language.parts import auction_of
 from sleepcast.language.program import Program
 from sleepcast.language.reader import read
 from sleepcast.mind.authority import bars, driver_of, outcome_of_keys
@@ -69,6 +71,7 @@ class Obeying:
     ) -> None:
         self._memory, self._outbox, self._log, self._authority = memory, memory.outbox, log, authority
         self._look, self._on_air, self.zero = look, on_air, 0.0
+        self.bids = FleetBids(memory, authority, self)
         if on_air:
             memory.drivers = authority.drivers
 
@@ -116,17 +119,7 @@ class Obeying:
             self._obey_text(message, rows, now)
 
     def _obey_text(self, message: Message, rows: Rows, now: float) -> None:
-        memory = self._memory
-
-        def program(number: int) -> Program | str:
-            """What it means to robots with this mind, or why it cannot be checked."""
-            names, asked = MindNames(memory.vocabulary, memory.minds[number]), message.kind is Kind.ASK
-            try:
-                return memory.minds.library.program(message.text, lambda: [read(message.text)], names, asked=asked)
-            except SleepcastError as error:
-                return str(error).splitlines()[0]
-
-        for compiled, some, _ in memory.divide(rows, program):
+        for compiled, some in self.programs(message.text, rows, asked=message.kind is Kind.ASK):
             if isinstance(compiled, str):
                 self._outbox.answer_alike(message, some, "fault", compiled)
                 continue
@@ -135,11 +128,35 @@ class Obeying:
                     self._outbox.answer_alike(message, few, "fault", why)
                 elif message.kind is Kind.ASK:
                     self._foretell(message, compiled, few)
+                elif (auction := auction_of(compiled.root)) is not None:
+                    self.bids.poll(message, auction, few, now)
                 else:
-                    self._evaluate(message, compiled, few, now)
+                    self._outbox.answer(few, _came_of(message, self._evaluated(message, compiled, few, now)))
 
-    def _evaluate(self, message: Message, program: Program, rows: Rows, now: float) -> None:
-        """Evaluate a command for whom it comes from."""
+    def programs(self, text: str, rows: Rows, *, asked: bool = False) -> Iterable[tuple[Program | str, Rows]]:
+        """What a text means to these robots, or why it cannot be checked, each with its robots. asked: whether it is a
+        question."""
+        memory = self._memory
+
+        def program(number: int) -> Program | str:
+            names = MindNames(memory.vocabulary, memory.minds[number])
+            try:
+                return memory.minds.library.program(text, lambda: [read(text)], names, asked=asked)
+            except SleepcastError as error:
+                return str(error).splitlines()[0]
+
+        return [(compiled, some) for compiled, some, _ in memory.divide(rows, program)]
+
+    def outcomes(self, message: Message, text: str, rows: Rows, now: float) -> Iterator[tuple[Rows, AnswerColumns]]:
+        """Evaluate a text in the place of that of a message; gives what robots would answer."""
+        for program, some in self.programs(text, rows):
+            if isinstance(program, str):
+                yield some, AnswerColumns.alike(message.id, some.size, "fault", fault=program)
+            else:
+                yield some, _came_of(message, self._evaluated(message, program, some, now))
+
+    def _evaluated(self, message: Message, program: Program, rows: Rows, now: float) -> Evaluated:
+        """Evaluate a command, or what stands for it, for whom it comes from."""
         memory, driver = self._memory, driver_of(message)
         memory.hops, memory.barred = (
             hops_left(message.body, message.role, MAX_HOPS),
@@ -157,7 +174,7 @@ class Obeying:
             memory.drivers = self._authority.drivers
         if outcome.moved is not None and self._authority.moves(message):
             self._authority.moved(message, rows.take(outcome.moved), now)
-        self._outbox.answer(rows, _came_of(message, outcome))
+        return outcome
 
     def _merge(self, rows: Rows, place: CommandOrder | None) -> None:
         """The changes of the command with this place begin on these robots, or of none."""

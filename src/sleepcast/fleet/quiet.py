@@ -61,7 +61,7 @@ class QuietMinds:
         all; 0 if there is something else to do. Then `rules` says which."""
         fleet = self._fleet
         waiting = not fleet.inbox.empty or not fleet.outbox.empty or fleet.memory.statistics.leases
-        if waiting or fleet.scheduler.left_over or fleet.rests or not fleet.authority.idle:
+        if waiting or fleet.bids.busy or fleet.scheduler.left_over or fleet.rests or not fleet.authority.idle:
             return 0
         if (self._stamp != self._stamp_now() and not self._look()) or self._pending():
             return 0

@@ -16,6 +16,7 @@ from sleepcast.channel.message_batch import MessageBatchState
 from sleepcast.columns.values import ValuesState
 from sleepcast.core.serial import Array, Arrays
 from sleepcast.mind.authority import Driving, Latch, Lease
+from sleepcast.mind.bidding import BiddingState
 from sleepcast.mind.merging import MergingState
 from sleepcast.mind.state import SharedMinds
 
@@ -106,6 +107,7 @@ class FleetSnapshot(msgspec.Struct):
     left_over: by robot, the rules that the budget of the last tick did not reach
     measured: by slot, when each robot last measured it (s)
     authority: None in snapshots of format 1
+    bids: by robot
     """
 
     minds: SharedMinds
@@ -118,3 +120,4 @@ class FleetSnapshot(msgspec.Struct):
     measured: dict[int, Array]
     minds_used: int
     authority: AuthorityState | None = None
+    bids: dict[int, BiddingState] = {}

@@ -46,6 +46,7 @@ def state_of(fleet: Fleet, *, minds: bool = True) -> FleetSnapshot:
         {slot: Array.of(column) for slot, column in fleet.measured.items()},
         fleet.minds_used,
         _authority_of(fleet),
+        fleet.bids.state(),
     )
 
 
@@ -113,6 +114,7 @@ def restore(fleet: Fleet, state: FleetSnapshot, when: float, table: MindTable | 
     fleet.minds_used = state.minds_used
     if state.authority is not None:
         _restore_authority(fleet, state.authority)
+    fleet.bids.restore(state.bids)
     fleet.evaluation_log.since = when
 
 

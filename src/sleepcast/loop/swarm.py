@@ -199,6 +199,7 @@ class Swarm:
             around=scenario.around,
             desks=max(1, len(scenario.operators)),
             between=sight.count_between if scenario.radio.wall else sight.any_between,
+            party=self.party_of,
         )
         self.operators = {operator.name: Role(operator.role) for operator in scenario.operators}
         """The role of each operator, the first one's first; empty where whoever sends may do anything."""
@@ -273,6 +274,11 @@ class Swarm:
     def number_of(self, sender: str) -> int:
         """The number of an operator on the radio."""
         return self._numbers.get(sender, OPERATOR)
+
+    def party_of(self, name: str) -> int:
+        """The number of a robot or an operator on the radio."""
+        robot = self.fleet.names.index_of(name)
+        return self.number_of(name) if robot is None else robot
 
     def admitted(self, message: Message) -> Message:
         """A message as robots get it: where operators are named, with the role of its sender."""

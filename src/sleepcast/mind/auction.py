@@ -22,7 +22,10 @@ from math import inf
 from typing import NamedTuple
 from zlib import crc32
 
+import msgspec
+
 from sleepcast.channel.message import BID, GRANTS, MAX_NAME, MAX_NUMBER, natural_order
+from sleepcast.core.errors import MisuseError
 from sleepcast.language.functions import MAX_CHOSEN
 from sleepcast.language.parts import Auction
 
@@ -130,63 +133,86 @@ def beat_of(lease: float) -> float:
     return min(max(lease / BEATS, LEAST_BEAT), MOST_BEAT)
 
 
+def outlasting(lease: float) -> float:
+    """Seconds after which a robot cannot be a member any more by a beat that was heard before."""
+    return lease * (1.0 + DRIFT) + LATE
+
+
 def rank(cost: float, name: str) -> tuple[float, object, str]:
     """The order of bids: the least cost, of equal ones the smaller name, r2 before r10."""
     return cost, natural_order(name), name
 
 
+def validate_kept(auction: Auction) -> None:
+    """Raises MisuseError for an auction in a snapshot that nobody can have begun."""
+    fits = auction.name in ("BEST", "QUORUM") and 1 <= auction.least <= auction.most <= MAX_CHOSEN
+    if not (fits and 0.0 < auction.window < inf and 0.0 < auction.lease < inf):
+        raise MisuseError(f"an auction of {auction.most} robots with a lease of {auction.lease} s")
+
+
 # ---- a robot's half
 
 
-class Bid:
+class Bid(msgspec.Struct):
     """One robot's bid. Times are s of its mind.
 
-    caller, epoch, number: of the poll
+    poll: its caller, the caller's epoch and the number
     cost: what it bids
-    until: when the poll's deadline is over
+    began, until: when it heard the poll, and the poll's deadline
     spread: s over which the first bids of all robots are to be spread
+    outbid: once it is out: who was chosen instead, as far as it has heard
+
+    Plain data, so that a snapshot can keep it.
     """
 
-    def __init__(
-        self,
-        auction: Auction,
-        poll: tuple[str, int, int],
-        name: str,
-        cost: float,
-        now: float,
-        until: float,
-        spread: float,
-    ) -> None:
-        self.auction, self.name, self.cost, self.until = auction, name, cost, until
-        self.caller, self.epoch, self.number = poll
-        self.phase = BidPhase.BIDDING
-        self.outbid: tuple[str, ...] = ()
-        """Once it is out: who was chosen instead, as far as it has heard."""
-        self.lease_ends = -inf
-        self._beats: dict[int, float] = {}
-        """When each beat was sent that a grant may still name."""
-        chance = crc32(f"{name} {poll} {now!r}".encode())
-        # Of two robots of one name, a grant means the one whose beats it names.
-        self._beat, self._pace = chance, beat_of(auction.lease)
-        self._next = now + chance / 2**32 * min(spread, auction.window / 2)
-        self._latest, self._heard, self._farewells = -1, now, FAREWELLS
-        self._best: tuple[tuple[float, str], ...] = ()
+    auction: Auction
+    poll: tuple[str, int, int]
+    name: str
+    cost: float
+    began: float
+    until: float
+    spread: float
+    phase: BidPhase = BidPhase.BIDDING
+    outbid: tuple[str, ...] = ()
+    lease_ends: float = -inf
+    beats: dict[int, float] = {}
+    """When each beat was sent that a grant may still name."""
+    beat: int = -1
+    next: float = -inf
+    latest: int = -1
+    """The number of the caller's latest message."""
+    heard: float = -inf
+    best: tuple[tuple[float, str], ...] = ()
+    placed: tuple[str, ...] = ()
+    farewells: int = FAREWELLS
+
+    def __post_init__(self) -> None:
+        if self.beat < 0:
+            chance = crc32(f"{self.name} {self.poll} {self.began!r}".encode())
+            # Of two robots of one name, a grant means the one whose beats it names.
+            self.beat, self.heard = chance, self.began
+            self.next = self.began + chance / 2**32 * min(self.spread, self.auction.window / 2)
 
     def hear(self, grants: GrantMessage, sequence: int, now: float) -> bool:
         """Take in what the caller says in its message of this number; whether the robot is to obey now, and then to
         say whether it `settle`s."""
-        if self.phase is BidPhase.OUT or grants.number != self.number:
+        if self.phase is BidPhase.OUT or grants.number != self.poll[2]:
             return False
-        if sequence > self._latest:
-            self._latest, self._heard, self._best = sequence, now, grants.best
+        if sequence > self.latest:
+            self.latest, self.heard, self.best = sequence, now, grants.best
+            self.placed = tuple(grants.granted)
         beat = grants.granted.get(self.name)
-        if beat in self._beats:
-            self.lease_ends = max(self.lease_ends, self._beats[beat] + self.auction.lease)
+        if beat in self.beats:
+            self.lease_ends = max(self.lease_ends, self.beats[beat] + self.auction.lease)
             return self.phase is BidPhase.BIDDING and now <= self.until and now + USEFUL < self.lease_ends
         if self.phase is BidPhase.BIDDING and beat is None and not grants.is_open:
             self.outbid = tuple(grants.granted)
             self.leave()
         return False
+
+    def renew(self, auction: Auction, cost: float, until: float) -> None:
+        """The poll was told again while the robot waits: it bids what that costs now."""
+        self.auction, self.cost, self.until = auction, cost, until
 
     def settle(self, obeys: bool) -> None:
         """The robot has been granted its bid, and obeys from now on, or does not."""
@@ -208,24 +234,26 @@ class Bid:
     def say(self, now: float) -> BidMessage | None:
         """What to tell the caller now, if anything."""
         out = self.phase is BidPhase.OUT
-        if now < self._next or (out and not self._farewells) or (self.phase is BidPhase.BIDDING and self._is_beaten()):
+        if now < self.next or (out and not self.farewells) or (self.phase is BidPhase.BIDDING and self._is_beaten()):
             return None
-        self._farewells -= out
-        hopeful = SOON if now < self._heard + QUIET else SELDOM
-        pause = hopeful if self.phase is BidPhase.BIDDING else self._pace
-        self._next, self._beat = now + pause, self._beat + 1
-        self._beats = {beat: sent for beat, sent in self._beats.items() if now < sent + self.auction.lease}
-        self._beats[self._beat] = now
-        return BidMessage(self.caller, self.epoch, self.number, self._beat, self.phase, self.cost)
+        self.farewells -= out
+        hopeful = SOON if now < self.heard + QUIET else SELDOM
+        pause = hopeful if self.phase is BidPhase.BIDDING else beat_of(self.auction.lease)
+        self.next, self.beat = now + pause, self.beat + 1
+        self.beats = {beat: sent for beat, sent in self.beats.items() if now < sent + self.auction.lease}
+        self.beats[self.beat] = now
+        return BidMessage(*self.poll, self.beat, self.phase, self.cost)
 
     def _is_beaten(self) -> bool:
+        """Whether all places are taken, or wanted by better bids."""
         mine = rank(self.cost, self.name)
-        return sum(rank(cost, name) < mine for cost, name in self._best) >= self.auction.most
+        better = {name for cost, name in self.best if rank(cost, name) < mine}
+        return len(better.union(self.placed) - {self.name}) >= self.auction.most
 
     @property
     def is_over(self) -> bool:
         """Whether there is nothing left to be said."""
-        return self.phase is BidPhase.OUT and not self._farewells
+        return self.phase is BidPhase.OUT and not self.farewells
 
 
 # ---- a caller's half
@@ -247,6 +275,15 @@ class TakenPlace(NamedTuple):
     beat: int
     ends: float
     confirmed: bool = False
+
+
+class KnownRobot(NamedTuple):
+    """What an account says of a robot: what it has bid, and when it first did, was chosen, and has obeyed, s."""
+
+    cost: float
+    bid: float
+    chosen: float = inf
+    obeyed: float = inf
 
 
 class AuctionStatus(NamedTuple):
@@ -294,67 +331,96 @@ class AuctionStatus(NamedTuple):
         return f"{bids}; chosen {chosen or 'nobody yet'}{short}"
 
 
-class Auctioneer:
+class Auctioneer(msgspec.Struct):
     """The caller of one auction. Times are s of its clock.
 
     number: of the poll
     began, until: when it was sent, and its deadline
+    is_told: whether the poll is what a robot tells again and again, as long as it wants members: then the auction stays
+        open until its deadline, which `renew` puts off, and who was out may bid anew
+    not_before: when it may choose first, since robots may be members that it knows nothing of
+    closed: since when nobody else is chosen
+
+    Plain data, so that a snapshot can keep it.
     """
 
-    def __init__(self, auction: Auction, number: int, began: float, until: float) -> None:
-        self.auction, self.number, self.until = auction, number, until
-        self.window_ends = min(began + auction.window, until)
-        self.is_open, self.started, self.ended = True, False, False
-        self._bids: dict[str, HeardBid] = {}
-        self._places: dict[str, TakenPlace] = {}
-        self._gone: dict[str, None] = {}
-        """Who is out, or was not heard until its place was over."""
-        self._costs: dict[str, float] = {}
-        self._chosen: dict[str, None] = {}
-        self._obeyed: dict[str, None] = {}
-        self._chose = False
-        self._changed = self.window_ends
-        self.closed = inf
-        """Since when nobody else is chosen, s."""
-        self._pace, self._next = beat_of(auction.lease), began
-        self.version = 0
-        """Another one whenever the status may be another one."""
+    auction: Auction
+    number: int
+    began: float
+    until: float
+    is_told: bool = False
+    not_before: float = -inf
+    is_open: bool = True
+    ended: bool = False
+    closed: float = inf
+    known: dict[str, KnownRobot] = {}
+    """Everybody whose bid was heard."""
+    bids: dict[str, HeardBid] = {}
+    """Of those who may still have a place."""
+    places: dict[str, TakenPlace] = {}
+    gone: dict[str, tuple[int, int]] = {}
+    """Who is out, or was not heard until its place was over: in which life, and the latest beat."""
+    chose: bool = False
+    changed: float = -inf
+    """When a place was last given or has become free."""
+    next: float = -inf
+    version: int = 0
+    """Another one whenever the status may be another one."""
+    returned: float = -inf
+    """When it was put back to an earlier moment: members that it has forgotten tell it that they are there."""
+
+    @property
+    def window_ends(self) -> float:
+        """When bids were collected long enough."""
+        return max(min(self.began + self.auction.window, self.until), self.not_before)
 
     def hear(self, name: str, life: int, said: BidMessage, now: float) -> None:
         """Take in what a robot says, in which life it is; of robots of one name the first one counts."""
-        known = self._bids.get(name)
-        if self.ended or name in self._gone or (known is not None and (life != known.life or said.beat <= known.beat)):
+        if self.ended or self._is_stale(name, life, said):
             return
         if said.phase is BidPhase.OUT:
-            self._part_with(name, now)
+            self._part_with(name, life, said.beat, now)
             return
-        cost = said.cost if known is None else known.cost
-        self._bids[name] = HeardBid(cost, life, said.beat, now)
-        if self._costs.get(name) != cost:
-            self._costs[name], self.version = cost, self.version + 1
-        place = self._places.get(name)
-        if place is not None:
-            confirmed = said.phase is BidPhase.MEMBER
-            if confirmed and name not in self._obeyed:
-                self._obeyed[name], self.version = None, self.version + 1
-            self._places[name] = TakenPlace(said.beat, self._outlasting(now), confirmed)
-        if len(self._costs) > 2 * MAX_BIDS:
+        known = self.bids.get(name)
+        cost = said.cost if known is None or self.is_told else known.cost
+        self.bids[name] = HeardBid(cost, life, said.beat, now)
+        robot = self.known.get(name, KnownRobot(cost, now))._replace(cost=cost)
+        confirmed = said.phase is BidPhase.MEMBER
+        if name in self.places or (confirmed and self.returned > -inf):
+            if confirmed:
+                robot = robot._replace(chosen=min(robot.chosen, now), obeyed=min(robot.obeyed, now))
+            self.places[name] = TakenPlace(said.beat, self._outlasting(now), confirmed)
+        self._note(name, robot)
+        if len(self.known) > 2 * MAX_BIDS:
             self._forget_the_worst()
+
+    def _is_stale(self, name: str, life: int, said: BidMessage) -> bool:
+        """Whether a message says nothing that counts."""
+        bid, gone = self.bids.get(name), self.gone.get(name)
+        if bid is not None:
+            return life != bid.life or said.beat <= bid.beat
+        return gone is not None and (not self.is_told or said.phase is BidPhase.MEMBER or (life, said.beat) <= gone)
+
+    def renew(self, auction: Auction, until: float) -> None:
+        """The robot tells it again."""
+        self.auction, self.until = auction, until
 
     def step(self, now: float) -> GrantMessage | None:
         """Do what is due; what to say to all robots now, if anything."""
         if self.ended:
             return None
-        for name in [name for name, place in self._places.items() if place.ends < now]:
-            self._part_with(name, now)
-        if self.is_open and now >= self.window_ends:
+        for name in [name for name, place in self.places.items() if place.ends < now]:
+            self._part_with(name, self.bids[name].life, self.bids[name].beat, now)
+        if self.is_told and now > self.until:
+            return None
+        if self.is_open and now >= self._chooses_at:
             self._choose(now)
-        if now < self._next or self.is_over(now):
+        if now < self.next or self.is_over(now):
             return None
-        self._next = now + (self._pace if self._is_settled else SOON)
-        if not self._bids and self.is_open:
+        self.next = now + (beat_of(self.auction.lease) if self._is_settled else SOON)
+        if not self.bids and self.is_open:
             return None
-        granted = {name: place.beat for name, place in self._places.items()}
+        granted = {name: place.beat for name, place in self.places.items()}
         return GrantMessage(self.number, self.is_open, granted, self._best(now))
 
     def end(self) -> None:
@@ -362,75 +428,109 @@ class Auctioneer:
         self.ended, self.closed = True, min(self.closed, self.window_ends)
         self.is_open, self.version = False, self.version + 1
 
+    def go_back(self, time: float) -> None:
+        """Know what it knew at an earlier time, s. Who is a member then tells so again."""
+        kept = {name: robot for name, robot in self.known.items() if robot.bid <= time}
+        self.known = {
+            name: robot._replace(
+                chosen=robot.chosen if robot.chosen <= time else inf,
+                obeyed=robot.obeyed if robot.obeyed <= time else inf,
+            )
+            for name, robot in kept.items()
+        }
+        self.bids, self.places, self.gone = {}, {}, {}
+        self.chose, self.ended = self.chose and self.window_ends <= time, False
+        if self.closed > time:
+            self.is_open, self.closed = True, inf
+        if self.chose:
+            self.not_before = self._outlasting(time)
+        self.changed, self.next, self.returned, self.version = time, -inf, time, self.version + 1
+
     def is_over(self, now: float) -> bool:
         """Whether there is nothing left to be said."""
-        return self.ended or (not self._places and now >= self.closed + CLOSING)
+        quiet_since = self.until if self.is_told else max(self.closed + CLOSING, self._outlasting(self.returned))
+        return self.ended or (not self.places and now >= quiet_since)
 
     def due(self, now: float) -> float:
         """When to `step` next, s."""
-        return inf if self.is_over(now) else self._next
+        return inf if self.is_over(now) else self.next
 
     def status(self) -> AuctionStatus:
-        chosen = tuple(sorted(self._chosen, key=lambda name: rank(self._costs[name], name)))
-        members = tuple(name for name in chosen if name in self._obeyed)
-        short = self.started and not self.is_open and len(members) < self.auction.least
-        return AuctionStatus(self.auction, dict(self._costs), chosen, members, self.started, short, not self.is_open)
+        ranked = sorted(self.known, key=lambda name: rank(self.known[name].cost, name))
+        chosen = tuple(name for name in ranked if self.known[name].chosen < inf)
+        members = tuple(name for name in chosen if self.known[name].obeyed < inf)
+        costs = {name: robot.cost for name, robot in self.known.items()}
+        short = bool(chosen) and not self.is_open and len(members) < self.auction.least
+        return AuctionStatus(self.auction, costs, chosen, members, bool(chosen), short, not self.is_open)
+
+    @property
+    def _chooses_at(self) -> float:
+        """When places are given. One that has become free later waits for the bids of those who were silent."""
+        wait = self.auction.window if self.is_told and self.chose else 0.0
+        return max(self.window_ends, self.changed + wait)
 
     def _choose(self, now: float) -> None:
         """Give free places to the least bids, and close when all is said."""
         waiting = sorted(self._waiting(now), key=self._rank)
-        if not self._chose:
-            self._chose, self.started = True, len(waiting) >= self.auction.least
-            if not self.started and self.auction.name == "QUORUM":
-                self._close(now)
-                return
+        begins = not self.places if self.is_told else not self.chose
+        self.chose = True
+        if begins and self.auction.name == "QUORUM" and len(waiting) < self.auction.least:
+            self._close(now)
+            return
         if now < self.until:
-            for name in waiting[: self.auction.most - len(self._places)]:
-                bid = self._bids[name]
-                self._places[name] = TakenPlace(bid.beat, self._outlasting(bid.heard))
-                self._chosen[name], self.version = None, self.version + 1
-                self.started, self._changed = True, now
-        quiet = len(self._places) == self.auction.most or now >= self._changed + self.auction.window
+            for name in waiting[: self.auction.most - len(self.places)]:
+                bid = self.bids[name]
+                self.places[name] = TakenPlace(bid.beat, self._outlasting(bid.heard))
+                self._note(name, self.known[name]._replace(chosen=min(self.known[name].chosen, now)))
+                self.changed = now
+        quiet = (
+            len(self.places) == self.auction.most or now >= max(self.changed, self.window_ends) + self.auction.window
+        )
         if now >= self.until or (quiet and self._is_settled):
             self._close(now)
 
     def _close(self, now: float) -> None:
-        self.is_open, self.closed, self.version = False, now, self.version + 1
+        if not self.is_told:
+            self.is_open, self.closed, self.version = False, now, self.version + 1
+
+    def _note(self, name: str, robot: KnownRobot) -> None:
+        if self.known.get(name) != robot:
+            self.known[name], self.version = robot, self.version + 1
 
     @property
     def _is_settled(self) -> bool:
         """Whether each robot that was chosen has said that it obeys."""
-        return self._chose and all(place.confirmed for place in self._places.values())
+        return self.chose and all(place.confirmed for place in self.places.values())
 
     def _waiting(self, now: float) -> list[str]:
         """Whose bids wait for a place."""
-        since = now - max(FRESH, self.auction.window if not self._chose else 0.0)
-        return [name for name, bid in self._bids.items() if bid.heard >= since and name not in self._places]
+        since = now - max(FRESH, self.auction.window if not self.chose else 0.0)
+        return [name for name, bid in self.bids.items() if bid.heard >= since and name not in self.places]
 
     def _best(self, now: float) -> tuple[tuple[float, str], ...]:
         """The least bids: of those who have a place, and who may still have one."""
-        names = sorted((*self._places, *self._waiting(now)), key=self._rank)
-        return tuple((self._bids[name].cost, name) for name in names[: self.auction.most])
+        names = sorted((*self.places, *self._waiting(now)), key=self._rank)
+        return tuple((self.bids[name].cost, name) for name in names[: self.auction.most])
 
     def _rank(self, name: str) -> tuple[float, object, str]:
-        return rank(self._bids[name].cost, name)
+        return rank(self.bids[name].cost, name)
 
     def _forget_the_worst(self) -> None:
         """Keep MAX_BIDS bids, those of all who were chosen among them."""
-        ranks = {name: (name not in self._chosen, rank(cost, name)) for name, cost in self._costs.items()}
+        ranks = {name: (robot.chosen == inf, rank(robot.cost, name)) for name, robot in self.known.items()}
         kept = set(sorted(ranks, key=ranks.__getitem__)[:MAX_BIDS])
-        self._costs = {name: cost for name, cost in self._costs.items() if name in kept}
-        self._bids = {name: bid for name, bid in self._bids.items() if name in kept}
+        self.known = {name: robot for name, robot in self.known.items() if name in kept}
+        self.bids = {name: bid for name, bid in self.bids.items() if name in kept}
 
-    def _part_with(self, name: str, now: float) -> None:
+    def _part_with(self, name: str, life: int, beat: int, now: float) -> None:
         """A robot is out, or has had its time: its place is free."""
-        self._gone[name] = None
-        if len(self._gone) > 2 * MAX_BIDS:
-            self._gone = dict.fromkeys([*self._gone][-MAX_BIDS:])
-        self._bids.pop(name, None)
-        if self._places.pop(name, None) is not None:
-            self._changed = now
+        self.gone[name] = life, beat
+        if len(self.gone) > 2 * MAX_BIDS:
+            self.gone = dict([*self.gone.items()][-MAX_BIDS:])
+        self.bids.pop(name, None)
+        if self.places.pop(name, None) is not None:
+            self.changed = now
 
     def _outlasting(self, heard: float) -> float:
         """Until when a robot can be a member at most by a beat that was heard then."""
-        return heard + self.auction.lease * (1.0 + DRIFT) + LATE
+        return heard + outlasting(self.auction.lease)

@@ -82,7 +82,7 @@ from sleepcast.node.scheduler import RuleRecord, Scheduler
 from sleepcast.robot import Failsafe, RestSensing, Robot
 
 if TYPE_CHECKING:
-    from sleepcast.node.bidding import Bidding
+    from sleepcast.mind.bidding import Bidding
 
 MAX_RECOLLECTIONS = 64
 """Evaluations of messages that a robot can still explain."""
@@ -268,19 +268,19 @@ class Node:
     def receive(self, message: Message) -> None:
         """Receive a message from the channel: STOP and RELEASE take effect at once, commands and questions are
         queued."""
+        if message.kind is Kind.REQUEST:  # which is no sign that somebody drives
+            if self.bidding is not None and not message.ahead:
+                self.bidding.hear(message)
+            return
         if message.id in self._seen:
             return
         self._seen[message.id] = None
         if len(self._seen) > MAX_SEEN:
             self._seen.popitem(last=False)
         if message.ahead and message.kind is not Kind.STOP:
-            if is_addressed(message.body, self.name) and message.kind is not Kind.REQUEST:
+            if is_addressed(message.body, self.name):
                 outcome, fault = outcome_of_untimely(message)
                 self.answer(message, outcome, fault=fault)
-            return
-        if message.kind is Kind.REQUEST:  # which is no sign that somebody drives
-            if self.bidding is not None:
-                self.bidding.hear(message)
             return
         self._driving = self._driving.hear(message)
         if message.kind is Kind.STOP:
@@ -566,7 +566,7 @@ class Node:
             self.answer(message, "answer", answer.value, "; ".join(answer.faults), details)
             return
         if (auction := auction_of(program.root)) is not None:
-            from sleepcast.node.bidding import Bidding  # most robots are never asked
+            from sleepcast.mind.bidding import Bidding  # most robots are never asked
 
             self.bidding = self.bidding or Bidding()
             self.bidding.poll(self, message, auction, now)

@@ -14,10 +14,10 @@ from sleepcast.language.program import Program
 from sleepcast.language.reader import read_all
 from sleepcast.language.symbols import Group, Operator, Stored, UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, buffer_number
+from sleepcast.mind.bidding import Bidding
 from sleepcast.mind.limits import FAILED, PROVEN_TICKS
 from sleepcast.mind.rules import Rule
 from sleepcast.mind.state import MindState, OperatorState, RuleState
-from sleepcast.node.bidding import Bidding
 from sleepcast.node.memory import RobotMemory
 from sleepcast.node.node import Node
 from sleepcast.node.scheduler import RuleSet

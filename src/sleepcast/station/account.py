@@ -6,7 +6,7 @@ is silent, with the time at which it was last heard.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from math import inf
 from typing import TYPE_CHECKING
@@ -19,7 +19,7 @@ from sleepcast.channel import Kind
 from sleepcast.channel.message import NOT_STORED, natural_order
 from sleepcast.core.ages import ago
 from sleepcast.core.angles import mean_direction, quantile
-from sleepcast.core.errors import and_more, printable
+from sleepcast.core.errors import SleepcastError, and_more, printable
 from sleepcast.core.units import value_in_words
 from sleepcast.language import Checked
 from sleepcast.station.rest import RestAccount
@@ -297,19 +297,28 @@ class Account(msgspec.Struct, frozen=True, eq=False, dict=True):
         return "never heard" if heard is None else f"last heard {ago(self.now - heard)}"
 
 
-def account(command: Command, now: float, heard: Seconds, asked: Checked | None = None) -> Account:
+def account(command: Command, now: float, heard: Seconds, check: Callable[[str], Checked] | None = None) -> Account:
     """The account of `command` at `now`.
 
     heard: when each robot was last heard (-inf: never), by place
-    asked: what it asks for, None for what is no question
+    check: of the desk, for what a question asks for
     """
     answers = command.answers
     codes = answers.codes.copy()
     rest = command.resting if command.kind is Kind.STOP else None
     auction = None if command.auctioneer is None else command.auctioneer.status()
     about = command.only, command.size, rest, dict(command.conflicts), auction
+    asked = _asked(command, check)
     quantity = ("", False) if asked is None else (asked.unit, asked.is_angle)
     return Account(command.id, command.text, now, codes, command.addressed, heard.copy(), answers, *about, *quantity)
+
+
+def _asked(command: Command, check: Callable[[str], Checked] | None) -> Checked | None:
+    """What a question asks for; None for a command, and for a look at robots, which has no text."""
+    try:
+        return check(command.text) if check is not None and command.kind is Kind.ASK else None
+    except SleepcastError:
+        return None
 
 
 def rest_counts(rest: RestAccount) -> dict[str, object]:

@@ -16,7 +16,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from math import inf, nan
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -43,12 +42,13 @@ from sleepcast.channel.message import (
 from sleepcast.channel.message import MATCHED as WOULD
 from sleepcast.channel.message import UNKNOWN as UNSURE
 from sleepcast.channel.name_conflicts import UNDECIDED_FOR
+from sleepcast.channel.reliable import LIFE
 from sleepcast.channel.session import GATHER_ANSWERS, MAX_SPREAD, ChannelSession
 from sleepcast.columns.values import Mask
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
 from sleepcast.language import Checked
-from sleepcast.language.parts import auction_of, rules
+from sleepcast.language.parts import rules
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.mind.authority import FORGOTTEN, MAX_MARKS, Life, StopMark, mark_of, marks_and_ages
@@ -77,9 +77,6 @@ from sleepcast.station.validation import (
     robot_names,
 )
 from sleepcast.station.whose_names import NEW_WORDS, check_for, refuse_forms
-
-if TYPE_CHECKING:
-    from sleepcast.station.auctions import DeskAuctions
 
 ANSWERS_A_SECOND = 1_000.0
 """Answers that are asked for in a second: 200 kB on the air, a fifth of what a slow radio carries."""
@@ -160,8 +157,6 @@ class NetworkStation(Station):
     Its owner calls `pump` or `wait`; nothing happens otherwise.
     """
 
-    collects_bids = True
-
     def __init__(
         self,
         session: ChannelSession,
@@ -211,8 +206,6 @@ class NetworkStation(Station):
         self.conflicts = delivery.admission.conflicts
         """Names that several robots have."""
         self._shared = ContestedNames(self.conflicts, self._sent, self._roster)
-        self._auctions: DeskAuctions | None = None
-        """Of commands that choose among robots, once there was one."""
         self._stops = FairTable[Life, KnownStop, str](MAX_STOPS)
         """The latest STOP that is known of each other sender."""
         for name, time in (heard or {}).items():
@@ -347,24 +340,11 @@ class NetworkStation(Station):
                 decided[place] = code
         return decided
 
-    def commit(self, prepared: Prepared, *, count: int | None = None, confirmed: bool = False) -> Command:
-        """As every station; a command that chooses among robots is the poll of an auction."""
-        command = super().commit(prepared, count=count, confirmed=confirmed)
-        if (auction := auction_of(prepared.draft.program.root)) is not None:
-            from sleepcast.station.auctions import DeskAuctions  # few commands choose among robots
-
-            with self._lock:
-                self._auctions = self._auctions or DeskAuctions(self.session.delivery)
-                self._auctions.begin(command, auction)
-        return command
-
-    def _end_auctions(self) -> None:
-        if self._auctions is not None:
-            self._auctions.end()
+    def _say_grants(self, body: dict[str, object], now: float) -> None:
+        self.session.delivery.post(Kind.REQUEST, now, deadline=now + LIFE, body=body)
 
     def stop(self) -> Command:
         """As every station: it leaves at once."""
-        self._end_auctions()
         self._drivers.clear()
         return super().stop()
 
@@ -466,8 +446,7 @@ class NetworkStation(Station):
                     if TOOK in known.body:
                         self._learn_time(known)
                 elif message.kind is Kind.REQUEST:
-                    if self._auctions is not None:
-                        self._auctions.hear(message, began)
+                    self.auctions.hear(message, began)
                 elif message.role != Role.ROBOT or message.kind is Kind.STOP:
                     self._overhear(message)
         self.listened = began
@@ -534,8 +513,7 @@ class NetworkStation(Station):
     def due(self) -> float:
         """When there is something to be sent again, or a heartbeat, s of Unix time."""
         beat = self._beat + LEASE / 3.0 if self.holding and self._drives() else inf
-        auctions = inf if self._auctions is None else self._auctions.due(self._clock.now())
-        return min(beat, auctions, self._retransmission.due(), self._rest_watch.due)
+        return min(beat, self.auctions.due(self._clock.now()), self._retransmission.due(), self._rest_watch.due)
 
     def conclude(self) -> None:
         """Write the results of all commands into the journal, before the desk leaves the air."""
@@ -605,7 +583,7 @@ class NetworkStation(Station):
         if message.kind is Kind.COMMAND and message.text:
             self.commanded.note(self.now, self._named(message))
         if message.kind is Kind.STOP:
-            self._end_auctions()
+            self.auctions.end()
             self._drivers.clear()
             self._note_stop(KnownStop(mark_of(message), self.now), message.key)
         self._retransmission.overtaken(message)
@@ -657,8 +635,7 @@ class NetworkStation(Station):
             now = self._clock.now()
             self._attend_names(now)
             self._retransmission.attend(now)
-            if self._auctions is not None:
-                self._auctions.attend(now)
+            self.auctions.attend(now)
             self._watch_rest(now)
             if self.holding and self._drives() and now - self._beat >= LEASE / 3.0:
                 self._beat = now

@@ -232,11 +232,8 @@ def _for_good(program: Program) -> str:
     return f"no robot has told of a function {strange}, which perhaps cannot be undone" if strange else ""
 
 
-def validate_type(program: Program, standing: bool, deadline: float | None, *, auctions: bool = False) -> float:
-    """The seconds for which a command is good. auctions: whether somebody collects bids. Raises CommandTypeError."""
-    auction = auction_of(program.root)
-    if auction is not None and not auctions:
-        raise CommandTypeError(f"{auction.name} is for robots on the air (sleepcast swarm): here nobody collects bids")
+def validate_type(program: Program, standing: bool, deadline: float | None) -> float:
+    """The seconds for which a command is good. Raises CommandTypeError."""
     if not standing:
         seconds = DEADLINE if deadline is None else deadline
         if not 0.0 < seconds <= MAX_DEADLINE:
@@ -244,7 +241,7 @@ def validate_type(program: Program, standing: bool, deadline: float | None, *, a
                 f"a deadline lies more than 0 and at most {MAX_DEADLINE:g} s ahead, not {seconds:g} s"
             )
         return seconds
-    if auction is not None:
+    if (auction := auction_of(program.root)) is not None:
         raise CommandTypeError(f"{auction.name} cannot be standing: who is chosen is a matter of the moment")
     if deadline is not None:
         raise CommandTypeError("a standing command has no deadline: it is sent until every robot has it")

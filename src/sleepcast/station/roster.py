@@ -122,6 +122,13 @@ class Roster:
         self.heard = state.heard.made(np.float64, shape, "when robots were heard")
         self.reported = state.told.made(np.float64, shape, "times of telemetry")
 
+    def meant(self, only: Index | None, named: bool) -> int:
+        """How many robots a message is for, including robots that were never heard; 0 where that is unknown. only: the
+        places of those on the roster, None for all; named: whether it is for these alone."""
+        if only is None:
+            return self.size
+        return len(only) if named else self.size and len(only) + self.nameless
+
     def go_back(self, time: float) -> None:
         """Nobody was heard after `time`, s."""
         np.minimum(self.heard, time, out=self.heard)

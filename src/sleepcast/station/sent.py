@@ -10,7 +10,6 @@ from enum import StrEnum
 from functools import cached_property
 from math import inf, nan
 from sys import float_info
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -22,14 +21,12 @@ from sleepcast.channel.message_batch import AnswerColumns as Said
 from sleepcast.channel.message_batch import NameIndex, ascending
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.serial import Array, SerialError, within
+from sleepcast.mind.auction import Auctioneer, validate_kept
 from sleepcast.mind.authority import StopMark, is_ended_by, mark_of
 from sleepcast.station.leases import in_words
 from sleepcast.station.rest import RestAccount, RestStates
 from sleepcast.station.roster import Index, Seconds, longer
 from sleepcast.station.serialized import CommandAnswersState, CommandState
-
-if TYPE_CHECKING:
-    from sleepcast.mind.auction import Auctioneer
 
 
 class Outcome(StrEnum):
@@ -301,6 +298,7 @@ class Command:
             self.answers.state(),
             only,
             self.rest.state() if self.kind is Kind.STOP else None,
+            self.auctioneer,
         )
         return CommandState(self.message, self.addressed, *kept)
 
@@ -315,6 +313,9 @@ class Command:
         command.answers.restore(state.answers)
         if state.rest is not None:
             command.rest.restore(state.rest)
+        if state.auctioneer is not None:
+            validate_kept(state.auctioneer.auction)
+            command.auctioneer = state.auctioneer
         return command
 
     @property
@@ -507,6 +508,8 @@ class SentCommands:
         self.latch = latches[-1] if latches else None
         for command in self._commands.values():
             command.answers.go_back(time)
+            if command.auctioneer is not None:
+                command.auctioneer.go_back(time)
             if command.kind is Kind.STOP:
                 command.rest.forget()  # robots will tell anew
 

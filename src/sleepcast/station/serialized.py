@@ -11,6 +11,7 @@ import msgspec
 
 from sleepcast.channel import Message
 from sleepcast.core.serial import Array
+from sleepcast.mind.auction import Auctioneer
 from sleepcast.station.journal.journal import JournalEvent
 
 
@@ -42,6 +43,7 @@ class CommandState(msgspec.Struct, array_like=True):
     answers: CommandAnswersState
     only: Array | None = None
     rest: RestStatesState | None = None
+    auctioneer: Auctioneer | None = None
 
 
 class EntryState(msgspec.Struct, array_like=True):

@@ -29,10 +29,12 @@ from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.serial import SerialError, pack, room_for, unpack
 from sleepcast.language import Checked, CheckError, Explanation
+from sleepcast.language.parts import auction_of
 from sleepcast.language.program import Program
 from sleepcast.language.symbols import Declared
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.station.account import Account, account
+from sleepcast.station.auctions import DeskAuctions
 from sleepcast.station.failures import RuleFailures
 from sleepcast.station.journal.journal import Journal, JournalEvent, JournalWriter, MemoryJournal, PendingEntry, Report
 from sleepcast.station.journal.snapshot import dump_journal, restore_journal
@@ -86,10 +88,7 @@ class Station:
     changed. Minds that answer for many tell by `observe_many`, others by `observe`. outbox: takes what is sent.
     operator, epoch: who sends, and which life of that sender this is. policy: what it refuses, or asks about, beyond
     what every desk does. heartbeat: s between two signs that the operator is there, inf for none; see `hold`.
-    collects_bids: whether it chooses among robots, as BEST and QUORUM want.
     """
-
-    collects_bids = False
 
     def __init__(
         self,
@@ -131,6 +130,7 @@ class Station:
         self.vocabulary, self._outbox = vocabulary, outbox
         self.beside: Sequence[Station] = ()
         """The desks of further operators that know of each other what they send: those of one simulated run."""
+        self.auctions = DeskAuctions(self._say_grants)
         self._sequence = self._tellings = 0
         """The number of the latest message; how often robots have told of themselves."""
 
@@ -191,6 +191,7 @@ class Station:
             self.holding, self._beat = parcel.holding, parcel.beat
             self._roster.restore(desk.roster)
             self._sent.restore(parcel.commands, parcel.latch, self._roster.names)
+            self.auctions.go_on(self._sent.all(), self._clock.now())
             self.reports.extend(Report(report.robot, report.heard, report.body) for report in parcel.reports)
             if isinstance(self.journal, MemoryJournal):
                 restore_journal(self.journal, desk.journal, self._roster.names)
@@ -200,6 +201,7 @@ class Station:
         Numbers of messages are not used twice."""
         with self._lock:
             self._sent.go_back(time)
+            self.auctions.go_on(self._sent.all(), time)
             kept = [report for report in self.reports if report.heard <= time]
             self.reports.clear()
             self.reports.extend(kept)
@@ -260,7 +262,7 @@ class Station:
         if self.policy.strict and checked.findings:
             raise CheckError(checked.findings, text, checked.more)
         validate_address(program, terms.everybody or terms.audience.named, self._size)
-        seconds = validate_type(program, terms.standing, terms.deadline, auctions=self.collects_bids)
+        seconds = validate_type(program, terms.standing, terms.deadline)
         terms.audience.body()  # raises AudienceError
         names = self._names(checked, terms.audience)
         return Draft(checked, program, terms, seconds, self.vocabulary, self._meanings(program), names)
@@ -347,7 +349,15 @@ class Station:
         ready = self.accept(prepared, count=count, confirmed=confirmed)
         draft = ready.draft
         whom = ready.expected, ready.places, draft.terms.audience.body()
-        return self._broadcast(Kind.COMMAND, draft.text, draft.terms.standing, draft.seconds, *whom)
+        command = self._broadcast(Kind.COMMAND, draft.text, draft.terms.standing, draft.seconds, *whom)
+        if (auction := auction_of(draft.program.root)) is not None:
+            with self._lock:
+                self.auctions.begin(command, auction)
+        return command
+
+    def _say_grants(self, body: dict[str, object], now: float) -> None:
+        """Send what a caller of an auction says."""
+        self._outbox(self._compose(Kind.REQUEST, now, inf, "", False, body))
 
     def send(
         self,
@@ -405,6 +415,8 @@ class Station:
 
     def stop(self) -> Command:
         """Stop every body at once, whatever it is doing; it stays stopped until `release`."""
+        for desk in (self, *self.beside):
+            desk.auctions.end()
         return self._broadcast(Kind.STOP)
 
     def release(self) -> Command:
@@ -440,6 +452,7 @@ class Station:
             if self.holding and self._heartbeat < now - self._beat:
                 self._beat = now
                 self._outbox(self._compose(Kind.HEARTBEAT, now, now + self._heartbeat, "", False, {}))
+            self.auctions.attend(now)
             silent, latest = self._sent.silent(now), self._sent.latch
             if latest is not None and silent and not self._sent.stop_ended_by(desk._sent for desk in self.beside):
                 latest.last_sent = now
@@ -449,7 +462,8 @@ class Station:
     @property
     def next_due(self) -> float:
         """Before when `attend` has nothing to do, s of the desk's clock, as long as nothing is heard."""
-        return min(self._sent.next_repeat, self._beat + self._heartbeat if self.holding else inf)  # NaN is never less
+        beat = self._beat + self._heartbeat if self.holding else inf
+        return min(self._sent.next_repeat, self.auctions.due(self._clock.now()), beat)  # NaN is never less
 
     def _broadcast(
         self,
@@ -465,7 +479,7 @@ class Station:
             now = self._clock.now()
             until, said = now + seconds, dict(body or {})
             message = self._compose(kind, now, until, text, standing, dict(said))
-            command = Command(message, self._roster.names, expected, now, only, self._meant(only, FOR in said))
+            command = Command(message, self._roster.names, expected, now, only, self._roster.meant(only, FOR in said))
             urgent = kind in (Kind.STOP, Kind.RELEASE)
             if urgent:  # nothing comes before these, not even the journal
                 self._outbox(message)
@@ -483,13 +497,6 @@ class Station:
                 self._outbox(message)
             self._begun(command)
             return command
-
-    def _meant(self, only: Index | None, named: bool) -> int:
-        """How many robots a message is for, including robots that were never heard; 0 where that is unknown. only: the
-        places of those on the roster, None for all; named: whether it is for these alone."""
-        if only is None:
-            return self._roster.size
-        return len(only) if named else self._roster.size and len(only) + self._roster.nameless
 
     def _begun(self, command: Command) -> None:
         """An account of what was sent has begun: for desks that have more to do then."""
@@ -536,6 +543,7 @@ class Station:
                 if TELEMETRY in message.body or (command is not None and command.is_look):
                     return place
             else:
+                self.auctions.hear(message, now)
                 return place
             subject, details = str(message.body.get("command", "")), {"kind": str(message.kind), **message.body}
             self.notes.write(PendingEntry(now, message.sender, JournalEvent.HEARD, subject, details=details))
@@ -650,14 +658,7 @@ class Station:
         """The account of the command with this id. Raises NoSuchCommandError."""
         with self._lock:
             sent = self._sent.get(command)
-            return account(sent, self._clock.now(), self._roster.heard, self._asked(sent))
-
-    def _asked(self, sent: Command) -> Checked | None:
-        """What a question asks for; None for a command, and for a look at robots, which has no text."""
-        try:
-            return self.check(sent.text) if sent.kind is Kind.ASK else None
-        except SleepcastError:
-            return None
+            return account(sent, self._clock.now(), self._roster.heard, self.check)
 
     def is_held(self, robot: str, command: str) -> bool:
         """Whether this robot has answered a command by saying that STOP held it."""

@@ -12,7 +12,7 @@ import asyncio
 from threading import Thread
 from time import thread_time
 
-from sleepcast.channel import Message
+from sleepcast.channel import Kind, Message
 from sleepcast.channel.message_batch import MessageBatch
 from sleepcast.console.account_table import AccountTable, CommandRow
 from sleepcast.console.adapters.replay_worker import serve_past
@@ -144,7 +144,7 @@ class LivePast(Past):
     def posted(self, message: Message) -> None:
         """The operator's message goes on the air in this tick."""
         self._log.posted(message)
-        self._posted = True
+        self._posted |= message.kind is not Kind.REQUEST  # an auction says something in every tick
 
     def said(self, batch: MessageBatch) -> None:
         """Nothing: it is known from the accounts."""

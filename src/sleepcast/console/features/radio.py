@@ -43,6 +43,7 @@ KINDS = {
     "STOP, RELEASE": (Kind.STOP, Kind.RELEASE),
     "answers": (Kind.ANSWER,),
     "reports": (Kind.REPORT,),
+    "bids and grants": (Kind.REQUEST,),
 }
 
 

@@ -1,6 +1,6 @@
 """A robot's bids: commands with BEST or QUORUM that it has heard, from the poll until it is out (`mind.auction`).
 
-Its node evaluates: the test and the cost for the bid, the test and the command once the bid is granted. What a member
+Its mind evaluates: the test and the cost for the bid, the test and the command once the bid is granted. What a member
 has joined and which rules it got by the command end with its lease, also if the robot was restarted meanwhile.
 """
 
@@ -11,9 +11,12 @@ from collections.abc import Collection, Iterator, Mapping
 from math import isnan
 from typing import Protocol
 
-from sleepcast.channel.message import GRANTS, OUTBID, UNKNOWN, WITHIN, Message
+import msgspec
+
+from sleepcast.channel.message import AUCTION, GRANTS, HOPS, MAX_NUMBER, OUTBID, UNKNOWN, WITHIN, Message
+from sleepcast.core.errors import MisuseError
 from sleepcast.language.parts import Auction
-from sleepcast.mind.auction import Bid, BidPhase, GrantMessage
+from sleepcast.mind.auction import Bid, BidPhase, GrantMessage, validate_kept
 from sleepcast.mind.rules import Rule
 from sleepcast.mind.views import EvaluatedCommand
 
@@ -29,7 +32,7 @@ HELD_STILL = "it is held still, so it does not bid"
 
 
 class Evaluating(Protocol):
-    """A node, as its bids need it."""
+    """A robot's mind, as its bids need it."""
 
     @property
     def name(self) -> str: ...
@@ -55,13 +58,14 @@ class Evaluating(Protocol):
     def say_bid(self, body: dict[str, object]) -> None: ...
 
 
-class OpenBid:
-    """A bid, the poll that it is for, and the texts that end what the command has made of its member."""
+class OpenBid(msgspec.Struct):
+    """A bid, the poll that it is for, whether that was answered, and the texts that end what the command has made of
+    its member."""
 
-    def __init__(self, poll: Message, bid: Bid) -> None:
-        self.poll, self.bid = poll, bid
-        self.answered = False
-        self.endings: tuple[str, ...] = ()
+    poll: Message
+    bid: Bid
+    answered: bool = False
+    endings: tuple[str, ...] = ()
 
     def still_to_end(self, rules: Mapping[str, Rule]) -> Iterator[str]:
         """Those of the endings that still mean what the command has made: a later one may have changed a rule."""
@@ -70,6 +74,14 @@ class OpenBid:
             key = text[len(_FORGET) : -1] if text.startswith(_FORGET) else ""
             if not key or (key in rules and rules[key].text == texts.get(key)):
                 yield text
+
+
+class BiddingState(msgspec.Struct, array_like=True):
+    """What is kept of a robot's bids in a snapshot: the bids, and what callers have said since the last tick."""
+
+    open: list[OpenBid]
+    grants: list[Message]
+    stopped: bool
 
 
 class Bidding:
@@ -81,6 +93,21 @@ class Bidding:
         self._left_over: tuple[str, ...] = ()
         """Endings of a life before this one."""
         self._stopped = False
+
+    def state(self) -> BiddingState:
+        return BiddingState(list(self._open), list(self._grants), self._stopped)
+
+    @classmethod
+    def restored(cls, state: BiddingState) -> Bidding:
+        """Those that were kept. Raises MisuseError for bids that no robot has."""
+        bidding = cls()
+        if len(state.open) > MAX_BIDS:
+            raise MisuseError(f"{len(state.open)} bids of a robot, which has {MAX_BIDS} at most")
+        for each in state.open:
+            validate_kept(each.bid.auction)
+        bidding._open, bidding._stopped = list(state.open), state.stopped
+        bidding._grants.extend(state.grants)
+        return bidding
 
     @property
     def is_busy(self) -> bool:
@@ -107,20 +134,53 @@ class Bidding:
             each.bid.leave()
 
     def poll(self, robot: Evaluating, message: Message, auction: Auction, now: float) -> None:
-        """Bid once for a command, or answer why not."""
+        """Bid for a command, or answer why not."""
+        if refusal := self.refusal(message, held_still=robot.is_held_still):
+            robot.answer(message, "fault", float("nan"), refusal, {})
+        elif not self.is_member(message):
+            outcome = bid_of(robot.outcome_of(message, auction.bid, now))
+            if outcome.word == "matched":
+                self.begin(message, auction, robot.name, outcome.value, now)
+            else:
+                self.withdraw(message)
+                robot.answer(message, outcome.word, outcome.value, outcome.fault, {})
+
+    def refusal(self, message: Message, *, held_still: bool) -> str:
+        """Why the robot bids for no command of this poll, "" if it may. held_still: see `Evaluating`."""
+        if held_still:
+            return HELD_STILL
         of_one = sum(each.poll.sender == message.sender for each in self._open)
-        if robot.is_held_still or of_one >= MAX_OF_ONE or len(self._open) >= MAX_BIDS:
-            robot.answer(message, "fault", float("nan"), HELD_STILL if robot.is_held_still else TOO_MANY, {})
+        full = of_one >= MAX_OF_ONE or len(self._open) >= MAX_BIDS
+        return TOO_MANY if full and self._known(message) is None else ""
+
+    def is_member(self, message: Message) -> bool:
+        """Whether it has nothing to bid for, since it has obeyed this poll, which is told again, or has just left."""
+        known = self._known(message)
+        return known is not None and known.bid.phase is not BidPhase.BIDDING
+
+    def begin(self, message: Message, auction: Auction, name: str, cost: float, now: float) -> None:
+        """Bid this cost, if the robot has not yet; else it is what it bids from now on."""
+        if (known := self._known(message)) is not None:
+            known.poll = message
+            known.bid.renew(auction, cost, message.deadline)
             return
-        word, cost, fault = robot.outcome_of(message, auction.bid, now)
-        if word == "matched" and isnan(cost):
-            word = UNKNOWN
-        if word != "matched":
-            robot.answer(message, word, cost, fault, {})
-            return
-        within, poll = message.body.get(WITHIN), (message.sender, message.epoch, message.sequence)
+        within = message.body.get(WITHIN)
         spread = within if isinstance(within, float) and within > 0.0 else 0.0
-        self._open.append(OpenBid(message, Bid(auction, poll, robot.name, cost, now, message.deadline, spread)))
+        bid = Bid(auction, poll_of(message), name, cost, now, message.deadline, spread)
+        self._open.append(OpenBid(message, bid))
+
+    def withdraw(self, message: Message) -> None:
+        """A poll was told again, and is none for this robot any more, which answers it."""
+        if (known := self._known(message)) is not None:
+            known.answered = True
+            known.bid.leave()
+
+    def _known(self, message: Message) -> OpenBid | None:
+        """The bid for a poll that was told before."""
+        if not is_told(message):
+            return None
+        poll = poll_of(message)
+        return next((each for each in self._open if each.bid.poll == poll and _is_of(message, each.poll)), None)
 
     def end_left_over(self, robot: Evaluating) -> None:
         """End what a life before this one was a member by, before the robot hears anything new."""
@@ -169,6 +229,24 @@ class Bidding:
                 robot.answer(each.poll, "fault", float("nan"), STOPPED, {})
             else:
                 robot.answer(each.poll, "not matched", float("nan"), "", {OUTBID: list(each.bid.outbid)})
+
+
+def is_told(message: Message) -> bool:
+    """Whether a robot tells this poll, perhaps again and again."""
+    return HOPS in message.body
+
+
+def poll_of(message: Message) -> tuple[str, int, int]:
+    """What a poll is known by: its caller, his epoch, and its number: that of the message, unless it is told."""
+    number = message.body.get(AUCTION)
+    told = is_told(message) and isinstance(number, int) and 0 <= number <= MAX_NUMBER
+    return message.sender, message.epoch, number if told and isinstance(number, int) else message.sequence
+
+
+def bid_of(outcome: EvaluatedCommand) -> EvaluatedCommand:
+    """What comes of the test and the cost of a poll: matched, with the cost, for who is to bid."""
+    unknown = outcome.word == "matched" and isnan(outcome.value)
+    return EvaluatedCommand(UNKNOWN, outcome.value, "") if unknown else outcome
 
 
 def _is_of(message: Message, poll: Message) -> bool:

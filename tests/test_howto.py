@@ -50,7 +50,8 @@ CONFIGURED = '"address": "{}", "port": {}'
 SAID = "udp://239.255.83.76:47123?interface=lo"
 URI = f"udp://{GROUP}:{{}}?interface=lo"
 TOO_LATE = re.compile(
-    "silent [1-9]|cannot say [1-9]|no robot (was heard|has told of)|none of the [0-9]+ robots|does not answer"
+    "silent [1-9]|cannot say [1-9]|no robot (was heard|has told of)|none of (the [0-9]+ robots|them knows)"
+    "|does not answer"
 )
 """What the account of a command says if robots have not told enough in time, as on a busy machine."""
 LOOKS = re.compile(" watch --once| --dry-run")

@@ -51,7 +51,7 @@ class TestGrowth:
     def test_logistic_growth_is_exact(self) -> None:
         grown = field()
         for _ in range(40):
-            grown.step()
+            grown.step(0)
         expected = 2.0 / (1.0 + (2.0 / 0.5 - 1.0) * exp(-0.5 * 4.0))
         assert grown.amount == pytest.approx(np.full((3, 4), expected), rel=1e-12)
 
@@ -59,23 +59,23 @@ class TestGrowth:
     def test_it_ends_at_the_most(self, rate: float) -> None:
         grown = field(replace(LOGISTIC, rate=rate))
         for _ in range(1000):
-            grown.step()
+            grown.step(0)
         assert grown.amount == pytest.approx(np.full((3, 4), 2.0))
         assert grown.amount.max() <= 2.0
 
     def test_what_is_empty_stays_empty(self) -> None:
         grown = field(start=0.0)
-        grown.step()
+        grown.step(0)
         assert not grown.amount.any()
 
     def test_constant_growth_and_decay(self) -> None:
         grown = field(replace(LOGISTIC, logistic=False))
         for _ in range(10):
-            grown.step()
+            grown.step(0)
         assert grown.amount == pytest.approx(np.full((3, 4), 1.0))
         waning = field(replace(LOGISTIC, logistic=False, rate=-1.0))
         for _ in range(10):
-            waning.step()
+            waning.step(0)
         assert not waning.amount.any()
 
 
@@ -85,7 +85,7 @@ class TestDelay:
         grass.ask(TAKE, np.array([0, 1]), np.array([2.0, 0.5]), *at(5, 6))
         amounts = []
         for _ in range(7):
-            grass.step()
+            grass.step(0)
             amounts.append(grass.amount[1, 1])
         assert amounts == [0.0] * 5 + [2.0] * 2
         assert grass.amount[1, 2] == 1.5, "one that was not emptied stays as it is"
@@ -94,10 +94,10 @@ class TestDelay:
         grass = field(DELAYED, start=0.3)
         for _ in range(3):
             grass.ask(TAKE, np.array([0]), np.array([0.1]), *at(5))
-            grass.step()
+            grass.step(0)
         grass.ask(TAKE, np.array([0]), np.array([0.1]), *at(5))
         for _ in range(6):
-            grass.step()
+            grass.step(0)
         assert grass.amount[1, 1] == 2.0
 
     def test_cells_are_sown_by_chance_and_all_are_full_after_a_delay(self) -> None:
@@ -108,7 +108,7 @@ class TestDelay:
         assert (grass.amount != other.amount).any()
         full = []
         for _ in range(5):
-            grass.step()
+            grass.step(0)
             full.append(int((grass.amount > 0.0).sum()))
         assert full[-1] == 1200
         assert np.diff(full).min() > 100, "a part of them in each tick"
@@ -121,7 +121,7 @@ class TestDiffusion:
         still.amount[0, 0] = 2.0
         total = still.amount.sum()
         for _ in range(2000):
-            still.step()
+            still.step(0)
         assert still.amount.sum() == pytest.approx(total)
         assert np.ptp(still.amount) < 1e-6
 
@@ -129,7 +129,7 @@ class TestDiffusion:
         for torus in (True, False):
             still = field(replace(LOGISTIC, rate=0.0, diffusion=100.0), start=0.0, torus=torus)
             still.amount[0, 0] = 2.0
-            still.step()
+            still.step(0)
             assert bool(still.amount[0, 3] > 0.0) is torus
             assert bool(still.amount[2, 0] > 0.0) is torus
 
@@ -157,34 +157,40 @@ class TestRequests:
         still = self.still()
         still.ask(TAKE, np.array([2]), np.array([0.2]), *at(5))
         assert still.amount[1, 1] == 0.5
-        assert still.step().tolist() == [0.0, 0.0, 0.2, 0.0, 0.0]
+        assert still.step(0).tolist() == [0.0, 0.0, 0.2, 0.0, 0.0]
         assert still.amount[1, 1] == 0.3
-        assert not still.step().any()
+        assert not still.step(0).any()
 
     def test_where_there_is_too_little_all_get_the_same_share(self) -> None:
         still = self.still()
         still.ask(TAKE, np.arange(4), np.array([0.3, 0.6, 0.1, 0.2]), *at(5, 5, 5, 6))
-        assert still.step() == pytest.approx([0.15, 0.3, 0.05, 0.2, 0.0])
+        assert still.step(0) == pytest.approx([0.15, 0.3, 0.05, 0.2, 0.0])
         assert still.amount[1, 1] == 0.0
         assert still.amount[1, 2] == pytest.approx(0.3)
 
-    def test_in_turn_those_with_lower_numbers_come_first(self) -> None:
-        grass = field(replace(DELAYED, in_turn=True), start=0.5)
-        grass.ask(TAKE, np.array([3, 0, 1, 2, 4]), np.array([0.3, 0.1, 0.3, 0.3, 0.7]), *at(5, 6, 5, 5, 6))
-        assert grass.step() == pytest.approx([0.1, 0.3, 0.2, 0.0, 0.4])
-        assert grass.amount[1].tolist() == [0.5, 0.0, 0.0, 0.5]
+    def test_in_turn_one_gets_all_that_it_wants_and_chance_says_who(self) -> None:
+        first = set()
+        for tick in range(30):
+            grass = field(replace(DELAYED, in_turn=True), start=0.5)
+            grass.ask(TAKE, np.array([3, 0, 1, 2, 4]), np.array([0.3, 0.1, 0.3, 0.3, 0.1]), *at(5, 6, 5, 5, 6))
+            taken = grass.step(tick)
+            assert np.sort(taken[1:4]) == pytest.approx([0.0, 0.2, 0.3])
+            assert taken[[0, 4]].tolist() == [0.1, 0.1], "there is enough for both"
+            assert grass.amount[1].tolist() == [0.5, 0.0, 0.3, 0.5]
+            first.add(int(np.argmax(taken)))
+        assert first == {1, 2, 3}
 
     def test_what_is_added_stays_below_the_most(self) -> None:
         still = self.still()
         still.ask(ADD, np.arange(3), np.array([1.0, 1.0, 0.25]), *at(5, 5, 6))
-        still.step()
+        still.step(0)
         assert still.amount[1, 1:3].tolist() == [2.0, 0.75]
 
     def test_taking_comes_first(self) -> None:
         still = self.still()
         still.ask(ADD, np.array([0]), np.array([1.0]), *at(5))
         still.ask(TAKE, np.array([1]), np.array([1.0]), *at(5))
-        assert still.step().tolist() == [0.0, 0.5, 0.0, 0.0, 0.0]
+        assert still.step(0).tolist() == [0.0, 0.5, 0.0, 0.0, 0.0]
         assert still.amount[1, 1] == 1.0
 
     def test_the_last_wish_counts_and_a_negative_one_is_none(self) -> None:
@@ -192,7 +198,7 @@ class TestRequests:
         for amount in (0.4, 0.1):
             still.ask(TAKE, np.array([0]), np.array([amount]), *at(5))
         still.ask(TAKE, np.array([1]), np.array([-1.0]), *at(6))
-        assert still.step().tolist() == [0.1, 0.0, 0.0, 0.0, 0.0]
+        assert still.step(0).tolist() == [0.1, 0.0, 0.0, 0.0, 0.0]
 
     def test_the_order_of_asking_does_not_matter(self) -> None:
         drawn = np.random.default_rng(1)
@@ -202,7 +208,7 @@ class TestRequests:
             still = self.still()
             for robot in order:
                 still.ask(TAKE, np.array([robot]), amounts[[robot]], *at(int(cells[robot])))
-            results.append((still.step().tobytes(), still.amount.tobytes()))
+            results.append((still.step(0).tobytes(), still.amount.tobytes()))
         assert results[0] == results[1]
 
 

@@ -2,8 +2,8 @@
 
 What robots ask for in a tick is collected, with the cell in which each was at that moment, and resolved in the next
 one, all at once: first what is taken, then what is added. If a cell has less than is asked for, or less room, everybody
-there gets the same share of what it asked for, or robots get it by their numbers, as the scenario says; so no result
-depends on the order in which they ask. Afterwards the field spreads and grows.
+there gets the same share of what it asked for, or they get it in turn, in an order that chance draws anew for each
+tick, as the scenario says; so no result depends on the order in which they ask. Afterwards the field spreads and grows.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.core.counter_rng import uniform
+from sleepcast.core.counter_rng import key, uniform
 from sleepcast.core.ticks import nearest_ticks
 from sleepcast.simulator.bodies.bodies import Floats, Whole
 from sleepcast.simulator.scenario.fields import Growth, spread
@@ -32,7 +32,7 @@ class GrowingField:
     tick: s
     numbers: of the robots, uint64; the simulator's own array
     start: the amounts at the start, shape (rows, columns), bottom row first
-    chance: a key of chance for what is sown
+    chance: from which all chance of this field comes
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class GrowingField:
         start: Floats,
         chance: int = 0,
     ) -> None:
-        self._growth, self._size, self._tick, self._numbers = growth, size, tick, numbers
+        self._growth, self._size, self._tick, self._numbers, self._chance = growth, size, tick, numbers, chance
         self._around = "wrap" if torus else "edge"
         self._share_x, self._share_y = spread(growth, size, tick)
         self._factor = float(exponential(np.array([growth.rate * tick]))[0]) if growth.logistic else 1.0
@@ -54,7 +54,7 @@ class GrowingField:
         self._waiting = np.zeros(start.shape if growth.delay else (0, 0), np.int64)
         """Ticks until an empty cell is full again, 0 where nothing is awaited; of a law with a delay."""
         if growth.sown < 1.0:
-            self._sow(chance)
+            self._sow()
         self._wanted: Floats = np.zeros((2, numbers.size))
         """What each robot asks for, and below the cell from which, row by row from the bottom."""
         self._cells = np.zeros((2, numbers.size), np.int64)
@@ -73,12 +73,12 @@ class GrowingField:
         self._wanted[what, robots] = np.clip(amounts, 0.0, self._growth.most)
         self._cells[what, robots] = self.cells(x, y)
 
-    def step(self) -> Floats:
-        """One tick; gives what each robot got."""
+    def step(self, tick: int) -> Floats:
+        """The tick with this number; gives what each robot got."""
         amount = self.amount.reshape(-1)
-        taken, from_each = self._shares(TAKE, amount)
+        taken, from_each = self._shares(TAKE, amount, tick)
         amount -= from_each
-        amount += self._shares(ADD, self._growth.most - amount)[1]
+        amount += self._shares(ADD, self._growth.most - amount, tick)[1]
         self._wanted[:] = 0.0
         if self._growth.diffusion:
             self._spread()
@@ -112,30 +112,32 @@ class GrowingField:
         }
         return columns | {"waiting": self._waiting} if self._growth.delay else columns
 
-    def _sow(self, chance: int) -> None:
+    def _sow(self) -> None:
         """Empty the cells that chance leaves out, each at some moment of its delay."""
-        drawn = uniform(chance, np.arange(2 * self.amount.size, dtype=np.uint64)).reshape(2, *self.amount.shape)
+        cells = np.arange(2 * self.amount.size, dtype=np.uint64)
+        drawn = uniform(key(self._chance, "sown"), cells).reshape(2, *self.amount.shape)
         bare = drawn[0] >= self._growth.sown
         self.amount[bare] = 0.0
         self._waiting[bare] = 1 + (drawn[1, bare] * self._delay).astype(np.int64)
 
-    def _shares(self, what: int, available: Floats) -> tuple[Floats, Floats]:
+    def _shares(self, what: int, available: Floats, tick: int) -> tuple[Floats, Floats]:
         """What each robot gets of its request, and what all get in each cell. available: the most that all can get
         there."""
         wanted, cells = self._wanted[what], self._cells[what]
         total = np.bincount(cells, wanted, available.size)
         given = np.minimum(total, available)
         if self._growth.in_turn:
-            return self._by_number(wanted, cells, available), given
+            return self._in_turn(wanted, cells, available, tick), given
         with np.errstate(invalid="ignore"):
             share = np.where(total > 0.0, given / total, 0.0)
         return wanted * share[cells], given
 
-    def _by_number(self, wanted: Floats, cells: Whole, available: Floats) -> Floats:
-        """What each robot gets where those with lower numbers come first."""
+    def _in_turn(self, wanted: Floats, cells: Whole, available: Floats, tick: int) -> Floats:
+        """What each robot gets where one comes after the other."""
         got = np.zeros(wanted.size)
         asking = np.flatnonzero(wanted > 0.0)
-        asking = asking[np.lexsort((self._numbers[asking], cells[asking]))]
+        turn = uniform(key(self._chance, "turn", tick), self._numbers[asking])
+        asking = asking[np.lexsort((turn, cells[asking]))]
         cell = cells[asking]
         so_far = np.cumsum(wanted[asking]) - wanted[asking]
         first = np.flatnonzero(np.diff(cell, prepend=-1))

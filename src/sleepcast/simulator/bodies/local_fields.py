@@ -58,7 +58,7 @@ class LocalFields:
         """One tick, after all bodies have moved."""
         for _, rows, cells in self._each:
             if cells is not None:
-                rows[3] = cells.step()
+                rows[3] = cells.step(self._bodies.tick)
         self._look()
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
@@ -182,7 +182,7 @@ def _cells_of(bodies: Bodies, field: ScalarField) -> GrowingField | None:
     size = (scenario.width, scenario.height)
     x, y = cell_middles(growth.columns, growth.rows, size)
     start = values(field, x, y, size, scenario.around, bodies.sight.any_between)[0].reshape(growth.rows, growth.columns)
-    chance = key(bodies.seed, "sown", field.name)
+    chance = key(bodies.seed, "field", field.name)
     return GrowingField(growth, size, scenario.torus, scenario.tick, bodies.numbers, start, chance)
 
 

@@ -83,7 +83,7 @@ class Growth:
     diffusion: m2/s
     delay: after how many s a cell that was emptied has `most` again; then it grows in no other way. 0 of other laws
     sown: share of the cells that have something at the start, chosen by chance; the others wait for a part of `delay`
-    in_turn: whether robots that want more than a cell has get it by their numbers, and not in equal shares
+    in_turn: whether robots that want more than a cell has get it one after the other, and not in equal shares
     """
 
     columns: int

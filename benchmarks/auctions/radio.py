@@ -12,6 +12,7 @@ from itertools import count
 from math import inf
 from random import Random
 
+from sleepcast.language.explain import BidState
 from sleepcast.language.parts import Auction
 from sleepcast.mind.auction import Auctioneer, Bid, BidMessage, BidPhase, GrantMessage
 
@@ -136,7 +137,7 @@ class Rounds:
             if bid is None:
                 continue
             if stopped:
-                bid.leave()
+                bid.leave(BidState.STOPPED)
             bid.tick(now)
             if (said := bid.say(now)) is not None:
                 self._send(self.callers[number], robot.name, number, BidMessage.of(said.body()))

@@ -77,6 +77,7 @@ class TestCommands:
         assert sent.silent == sent.fault == ()
         assert "id" in sent.why("r2").reason
         assert fleet.why("r2").matched is False
+        assert fleet.why("r2", sent.id).reason == sent.why("r2").reason
         assert alike(fleet.groups["late"], 4, 5, 6)
         assert sorted(sent.table()["outcome"]) == ["matched"] * 3 + ["not matched"] * 3
 

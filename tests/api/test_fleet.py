@@ -121,6 +121,21 @@ class TestCommands:
         sent = fleet.send("(WHEN (> fuel 101%) (JOIN b))")
         assert fleet.why("scout1").reason == sent.why("scout1").reason
         assert "needed > 101 %" in sent.why("scout1").reason
+        assert fleet.why("scout1", sent.id) == sent.why("scout1")
+        fleet.send("(RULE keep (WHEN (> fuel 102%) (JOIN b)))", everybody=True)
+        assert "needed > 102 %" in fleet.why("scout1", "Keep").reason
+        with pytest.raises(sc.errors.MisuseError, match='no command "kept" was sent'):
+            fleet.why("scout1", "kept")
+
+    def test_it_says_what_a_robot_has_bid(self) -> None:
+        fleet = bravo()
+        sent = fleet.send("(BEST 2 (IF (< id 4) id UNKNOWN) TRUE (JOIN b))", everybody=True, wait=6)
+        bids = [sent.why(f"scout{number}").bid for number in (1, 3, 4)]
+        assert [bid and (bid.state.value, bid.better) for bid in bids] == [
+            ("member", ()),
+            ("outbid", (("scout1", 1.0), ("scout2", 2.0))),
+            ("unknown", ()),
+        ]
 
     def test_it_says_that_stop_held_it(self) -> None:
         fleet = bravo()

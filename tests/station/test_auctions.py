@@ -8,8 +8,11 @@ import pytest
 from safety.scene import VOCABULARY, Scene
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import HOPS
+from sleepcast.console.features.why import show_why
 from sleepcast.language import CheckError
+from sleepcast.language.explain import Explanation
 from sleepcast.mind.auction import AuctionStatus, BidMessage, BidPhase, GrantMessage
+from sleepcast.mind.telemetry import read_why, why_text
 from sleepcast.node.node import Node
 from sleepcast.station.account import Account
 from sleepcast.station.network import NetworkStation, RoleError
@@ -241,14 +244,56 @@ def test_of_two_robots_of_one_name_at_most_one_obeys() -> None:
     assert len(members(scene)) <= 2
 
 
-def test_why_says_what_a_robot_has_bid_and_why_it_did_not_obey() -> None:
-    scene = Scene(robots=3)
+def told(scene: Scene, robot: str, sent: Command) -> Explanation:
+    """Why a robot did what it did, as it says it over the air."""
+    explanation = read_why(why_text(scene.fleet[robot].node.why(sent.id)))
+    assert explanation.bid == scene.fleet[robot].node.why(sent.id).bid
+    assert show_why(explanation).bid == ("" if explanation.bid is None else explanation.bid.sentence)
+    return explanation
+
+
+def test_why_says_what_a_robot_has_bid_and_who_bid_less() -> None:
+    scene = Scene(robots=5)
     desk = scene.desk()
-    sent, _ = ended(scene, desk, "(BEST 1 x (< id 2) (JOIN red))")
-    assert scene.fleet["r0"].node.why(sent.id).text == "(WHEN (< id 2) (JOIN red))"
-    bid = scene.fleet["r1"].node.why(sent.id)
-    assert (bid.text, bid.value) == ("(WHEN (< id 2) x)", 1.0)
-    assert not scene.fleet["r2"].node.why(sent.id).matched
+    sent, _ = ended(scene, desk, "(BEST 2 (IF (= id 4) UNKNOWN (+ x 0.5)) (> id 0) (JOIN red))")
+    member, outbid, unsure = (told(scene, name, sent) for name in ("r1", "r3", "r4"))
+    assert (member.matched, member.verdict, member.text[-12:]) == (True, "obeyed", " (JOIN red))")
+    assert member.render().endswith("it bid 1.5, and is one of those who were chosen")
+    assert (outbid.matched, outbid.verdict, outbid.value) == (False, "was outbid", 3.5)
+    assert outbid.render().endswith("it bid 3.5, and others were chosen: r1 (1.5), r2 (2.5)")
+    assert outbid.to_dict()["bid"] == {"cost": 3.5, "state": "outbid", "better": {"r1": 1.5, "r2": 2.5}}
+    assert (unsure.matched, unsure.verdict) == (False, "did not bid")
+    assert unsure.render().endswith("its cost was unknown, so it did not bid")
+    assert told(scene, "r0", sent).bid is None
+    assert not told(scene, "r0", sent).matched
+    scene.run(LEASE + 1.0, busy={"chief"})
+    assert told(scene, "r1", sent).render().endswith("it bid 1.5, was one of those who were chosen, and has left since")
+
+
+def test_why_says_how_a_bid_stands_that_nobody_has_granted() -> None:
+    scene = Scene(robots=4)
+    desk = scene.desk()
+    sent = desk.send("(QUORUM 2 2 (NOT marked) (JOIN red))", confirmed=True)
+    scene.run(0.5)
+    waiting = told(scene, "r1", sent)
+    assert (waiting.matched, waiting.verdict) == (False, "waits to be chosen")
+    assert waiting.render().endswith("it accepted, and waits to be chosen; names before its own: r0")
+    desk.send("(WHEN (= id 0) (MARK))", confirmed=True)
+    scene.run(1.0)
+    assert told(scene, "r0", sent).render().endswith("it accepted, was chosen, and did not obey then")
+    lost = desk.send("(BEST 1 x TRUE (JOIN red))", confirmed=True)
+    scene.run(0.5)
+    scene.isolate("r3")
+    scene.run(6.0)
+    assert (
+        told(scene, "r3", lost).render().endswith("it bid 3, and nobody chose it in time; bids before its own: r0 (0)")
+    )
+    stopped = desk.send("(BEST 1 x TRUE (JOIN red))", confirmed=True)
+    scene.run(0.5)
+    desk.stop()
+    scene.run(0.5)
+    assert told(scene, "r0", stopped).verdict == "was not chosen"
+    assert told(scene, "r0", stopped).render().endswith("it bid 0, and STOP ended that")
 
 
 @pytest.mark.parametrize("text", [BEST, "(QUORUM 1 2 TRUE (JOIN red))"])

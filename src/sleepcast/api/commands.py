@@ -470,8 +470,9 @@ class Fleet(ABC):
         return self._until(sent, wait)
 
     @abstractmethod
-    def why(self, robot: str, sent: CommandResult | None = None) -> Explanation:
-        """How a robot evaluated a command (None: its last one). Raises SleepcastError where it cannot say."""
+    def why(self, robot: str, sent: CommandResult | str | None = None) -> Explanation:
+        """How a robot evaluated a command (or the id of one; None: its last one), or what a rule of its, by name, would
+        do now. Raises SleepcastError where it cannot say."""
 
     # ---- what is so now
 

@@ -149,9 +149,9 @@ class ConnectedFleet(Fleet):
             sent = asking.release(self.station, self.telemetry)
         return self._until(sent, wait)
 
-    def why(self, robot: str, sent: CommandResult | None = None) -> Explanation:
+    def why(self, robot: str, sent: CommandResult | str | None = None) -> Explanation:
         with self._turn():
-            return ask_why(self.station, self.telemetry, robot, None if sent is None else sent.id)
+            return ask_why(self.station, self.telemetry, robot, sent.id if isinstance(sent, CommandResult) else sent)
 
     # ---- what is so now
 

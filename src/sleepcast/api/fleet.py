@@ -137,10 +137,12 @@ class SimulatedFleet(Fleet):
         self._changed()
         return result
 
-    def why(self, robot: str, sent: CommandResult | None = None) -> Explanation:
-        latest = next(reversed(self._commands()), None)
-        by = sent.by if sent is not None else latest.message.sender if latest is not None else ""
-        return self.desk_of(by).why(robot, None if sent is None else sent.id)
+    def why(self, robot: str, sent: CommandResult | str | None = None) -> Explanation:
+        if isinstance(sent, CommandResult):
+            return self.desk_of(sent.by).why(robot, sent.id)
+        meant = (each for each in reversed(self._commands()) if sent in (None, each.id))
+        by = next((each.message.sender for each in meant), self.station.operator)
+        return self.desk_of(by).why(robot, sent)
 
     # ---- operators
 

@@ -21,7 +21,7 @@ class AskedFleet(Protocol):
     def desk_of(self, operator: str) -> Station:
         """The desk of an operator."""
 
-    def why(self, robot: str, sent: CommandResult | None = None) -> Explanation:
+    def why(self, robot: str, sent: CommandResult | str | None = None) -> Explanation:
         """How a robot evaluated a command."""
 
 

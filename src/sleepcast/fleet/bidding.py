@@ -19,9 +19,10 @@ from sleepcast.columns.values import Index, Mask, Rows
 from sleepcast.core.serial import SerialError
 from sleepcast.fleet.authority import FleetAuthority
 from sleepcast.fleet.memory import FleetMemory
+from sleepcast.language.explain import BidStanding
 from sleepcast.language.parts import Auction
 from sleepcast.language.program import Program
-from sleepcast.mind.bidding import Bidding, BiddingState, bid_of
+from sleepcast.mind.bidding import Bidding, BiddingState, EndedBids, bid_of
 from sleepcast.mind.rules import Rule
 from sleepcast.mind.views import EvaluatedCommand
 
@@ -40,6 +41,8 @@ class FleetBids:
     def __init__(self, memory: FleetMemory, authority: FleetAuthority, evaluator: Evaluator) -> None:
         self._memory, self._authority, self._evaluator = memory, authority, evaluator
         self._of: dict[int, Bidding] = {}
+        self._ended: dict[int, EndedBids] = {}
+        """Of robots that have bid, or would have if they had known their cost."""
 
     @property
     def busy(self) -> list[int]:
@@ -52,12 +55,16 @@ class FleetBids:
         for some, answers in self._evaluator.outcomes(message, auction.bid, asked, now):
             left = np.ones(some.size, np.bool_)
             for at, robot in enumerate(some.robots.tolist()):
-                outcome = bid_of(_outcome_at(answers, at))
+                found = _outcome_at(answers, at)
+                outcome = bid_of(found)
                 if outcome.word == "matched":
                     self._bidding(robot).begin(message, auction, self._name(robot), outcome.value, now)
                     left[at] = False
-                elif robot in self._of:
+                    continue
+                if robot in self._of:
                     self._of[robot].withdraw(message)
+                if found.word == "matched":
+                    self._ended_of(robot).note_unsure(message, auction, found)
             self._answer(message, some, answers, left)
 
     def _may_bid(self, message: Message, robot: int) -> bool:
@@ -106,7 +113,18 @@ class FleetBids:
                 del self._of[robot]
 
     def _bidding(self, robot: int) -> Bidding:
-        return self._of.setdefault(robot, Bidding())
+        return self._of.setdefault(robot, Bidding(self._ended_of(robot)))
+
+    def _ended_of(self, robot: int) -> EndedBids:
+        return self._ended.setdefault(robot, EndedBids())
+
+    def standing(self, robot: int, command: str) -> BidStanding | None:
+        """See `Bidding.standing`."""
+        bidding = self._of.get(robot)
+        if bidding is not None:
+            return bidding.standing(command)
+        ended = self._ended.get(robot)
+        return None if ended is None else ended.get(command)
 
     def _name(self, robot: int) -> str:
         return self._memory.outbox.names[robot]
@@ -120,6 +138,7 @@ class FleetBids:
         if not all(0 <= robot < self._memory.state.count for robot in state):
             raise SerialError("a robot that is not there bids")
         self._of = {robot: Bidding.restored(each) for robot, each in state.items()}
+        self._ended = {robot: bidding.ended for robot, bidding in self._of.items()}
 
 
 _NOBODY = Bidding()

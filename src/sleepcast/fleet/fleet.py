@@ -30,7 +30,7 @@ from sleepcast.fleet.obeying import Evaluated, Obeying
 from sleepcast.fleet.queries import FleetQueries
 from sleepcast.fleet.scheduler import BatchScheduler, end_leases
 from sleepcast.fleet.state import FleetState, Mind, MindNames, Minds
-from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
+from sleepcast.language.explain import Explanation, Recollection, explain, rehearse, with_bid
 from sleepcast.language.lint import Checked, check, unit_of_program
 from sleepcast.language.parts import Part
 from sleepcast.language.program import Program
@@ -265,7 +265,8 @@ class RobotView:
         """See `Node.why`."""
         entry = self._fleet.evaluation_log.find(self.index, command)
         if entry is not None:
-            return explain(self.recollection(entry))
+            recollection = self.recollection(entry)
+            return with_bid(explain(recollection), self._fleet.bids.standing(self.index, recollection.command))
         rule = self._mind.rules.get((command or "").casefold())
         if rule is not None:
             memory, stopped = rehearsal(self._fleet.memory, self.index), self.stopped

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from enum import StrEnum
 from functools import cached_property
 from math import isnan, nan
 
@@ -92,6 +93,73 @@ class Step:
         return written
 
 
+class BidState(StrEnum):
+    """What became of a bid."""
+
+    WAITING = "waiting"
+    MEMBER = "member"
+    LEFT = "left"
+    DECLINED = "declined"
+    """It was granted, and the robot did not obey."""
+    OUTBID = "outbid"
+    UNHEARD = "unheard"
+    """Nobody has granted it in time."""
+    WITHDRAWN = "withdrawn"
+    """The poll was told again, and its test was not true any more, or its cost unknown."""
+    STOPPED = "stopped"
+    UNKNOWN = "unknown"
+    """The robot did not bid, since its cost was unknown."""
+
+
+OBEYED = frozenset({BidState.MEMBER, BidState.LEFT})
+_AFTER = {
+    BidState.WAITING: ("waits to be chosen", "and waits to be chosen"),
+    BidState.MEMBER: ("obeyed", "and is one of those who were chosen"),
+    BidState.LEFT: ("obeyed", "was one of those who were chosen, and has left since"),
+    BidState.DECLINED: ("did not obey", "was chosen, and did not obey then"),
+    BidState.OUTBID: ("was outbid", "and others were chosen"),
+    BidState.UNHEARD: ("was not chosen", "and nobody chose it in time"),
+    BidState.WITHDRAWN: ("did not bid", "and not when it was asked again"),
+    BidState.STOPPED: ("was not chosen", "and STOP ended that"),
+    BidState.UNKNOWN: ("did not bid", ""),
+}
+"""Each state as a verdict, and as what is said after the bid."""
+
+
+@dataclass(frozen=True, slots=True)
+class BidStanding:
+    """How a robot's bid for a command with BEST or QUORUM stands.
+
+    name: BEST or QUORUM.
+    cost: what it bid; NaN if its cost was unknown, 0 for a QUORUM.
+    better: bids before its own, the least first, as the caller has told: names of those who were chosen, or may yet
+        be, each with its cost (NaN if that was not told).
+    """
+
+    name: str
+    cost: float
+    state: BidState
+    better: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """For a person: `it bid 5.2, and others were chosen: r3 (1.5), r7 (2)`."""
+        if self.state is BidState.UNKNOWN:
+            return "its cost was unknown, so it did not bid"
+        has_cost = self.name == "BEST"
+        shown = (name if isnan(cost) or not has_cost else f"{name} ({cost:.6g})" for name, cost in self.better)
+        better, bid = ", ".join(shown), f"it bid {self.cost:.6g}" if has_cost else "it accepted"
+        if better and self.state is not BidState.OUTBID:
+            better = f"{'bids' if has_cost else 'names'} before its own: {better}"
+        mark = ": " if self.state is BidState.OUTBID else "; "
+        return f"{bid}, {_AFTER[self.state][1]}{mark if better else ''}{better}"
+
+    def to_dict(self) -> dict[str, object]:
+        """For JSON: an unknown cost is the string "UNKNOWN"."""
+        costs = {name: "UNKNOWN" if isnan(cost) else cost for name, cost in self.better}
+        return {"cost": "UNKNOWN" if isnan(self.cost) else self.cost, "state": self.state.value, "better": costs}
+
+
 @dataclass(frozen=True, slots=True)
 class Explanation:
     """Why an evaluation gave what it gave.
@@ -99,6 +167,7 @@ class Explanation:
     reason: the first test that did not hold and by how much, "" if all did.
     held: the robot obeyed and was to move, and STOP held it.
     priority: of the rule that it tells of.
+    bid: how its bid stands, of a command with BEST or QUORUM.
     """
 
     text: str
@@ -111,10 +180,13 @@ class Explanation:
     time: float = 0.0
     held: bool = False
     priority: int = 0
+    bid: BidStanding | None = None
 
     @property
     def verdict(self) -> str:
         """What the robot did about it, in words."""
+        if self.bid is not None and not self.matched:
+            return _AFTER[self.bid.state][0]
         return (HELD_VERDICT if self.held else "obeyed") if self.matched else "did not obey"
 
     @property
@@ -136,6 +208,7 @@ class Explanation:
             "command": self.command,
             "time": self.time,
             "root": self.root.to_dict(),
+            **({} if self.bid is None else {"bid": self.bid.to_dict()}),
         }
 
     def render(self) -> str:
@@ -146,6 +219,8 @@ class Explanation:
         shown_lines = [f"{value:>{width}}  {text}{note}" for value, text, note in lines]
         if self.reason:
             shown_lines.append(f"not for this robot: {self.reason}")
+        if self.bid is not None:
+            shown_lines.append(self.bid.sentence)
         if self.precedence:
             shown_lines.append(self.precedence)
         if self.held:
@@ -165,6 +240,14 @@ def _lines(step: Step, depth: int) -> Iterator[tuple[str, str, str]]:
 def explain(recollection: Recollection) -> Explanation:
     """Walk the recollected evaluation again and say what each part gave."""
     return _explained(recollection, Replay(recollection.values, recollection.groups, recollection.answers))
+
+
+def with_bid(explanation: Explanation, bid: BidStanding | None) -> Explanation:
+    """The same of a command for which the robot has bid: only who was chosen can have obeyed it."""
+    if bid is None:
+        return explanation
+    obeyed = bid.state in OBEYED
+    return replace(explanation, matched=explanation.matched and obeyed, held=explanation.held and obeyed, bid=bid)
 
 
 def rehearse(

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import StrEnum
-from math import inf
+from math import inf, nan
 from typing import NamedTuple
 from zlib import crc32
 
@@ -26,6 +26,7 @@ import msgspec
 
 from sleepcast.channel.message import BID, GRANTS, MAX_NAME, MAX_NUMBER, natural_order
 from sleepcast.core.errors import MisuseError
+from sleepcast.language.explain import BidStanding, BidState
 from sleepcast.language.functions import MAX_CHOSEN
 from sleepcast.language.parts import Auction
 
@@ -185,6 +186,7 @@ class Bid(msgspec.Struct):
     best: tuple[tuple[float, str], ...] = ()
     placed: tuple[str, ...] = ()
     farewells: int = FAREWELLS
+    state: BidState = BidState.WAITING
 
     def __post_init__(self) -> None:
         if self.beat < 0:
@@ -207,7 +209,7 @@ class Bid(msgspec.Struct):
             return self.phase is BidPhase.BIDDING and now <= self.until and now + USEFUL < self.lease_ends
         if self.phase is BidPhase.BIDDING and beat is None and not grants.is_open:
             self.outbid = tuple(grants.granted)
-            self.leave()
+            self.leave(BidState.OUTBID)
         return False
 
     def renew(self, auction: Auction, cost: float, until: float) -> None:
@@ -217,19 +219,21 @@ class Bid(msgspec.Struct):
     def settle(self, obeys: bool) -> None:
         """The robot has been granted its bid, and obeys from now on, or does not."""
         if obeys:
-            self.phase = BidPhase.MEMBER
+            self.phase, self.state = BidPhase.MEMBER, BidState.MEMBER
         else:
-            self.leave()
+            self.leave(BidState.DECLINED)
 
-    def leave(self) -> None:
-        """The robot has nothing to do with this auction any more."""
+    def leave(self, why: BidState) -> None:
+        """The robot has nothing to do with this auction any more. why: if it was no member."""
+        if self.phase is not BidPhase.OUT:
+            self.state = BidState.LEFT if self.phase is BidPhase.MEMBER else why
         self.phase = BidPhase.OUT
 
     def tick(self, now: float) -> None:
         """Leave if that is due: the lease has ended, or nobody has chosen this robot in time."""
         over = now >= self.lease_ends if self.phase is BidPhase.MEMBER else now > self.until
         if over:
-            self.leave()
+            self.leave(BidState.UNHEARD)
 
     def say(self, now: float) -> BidMessage | None:
         """What to tell the caller now, if anything."""
@@ -249,6 +253,15 @@ class Bid(msgspec.Struct):
         mine = rank(self.cost, self.name)
         better = {name for cost, name in self.best if rank(cost, name) < mine}
         return len(better.union(self.placed) - {self.name}) >= self.auction.most
+
+    def standing(self) -> BidStanding:
+        """What the robot can tell of it."""
+        costs, mine = {name: cost for cost, name in self.best}, rank(self.cost, self.name)
+        known = [name for name in costs if rank(costs[name], name) < mine]
+        better = sorted(self.outbid or known, key=lambda name: rank(costs.get(name, inf), name))
+        return BidStanding(
+            self.auction.name, self.cost, self.state, tuple((name, costs.get(name, nan)) for name in better)
+        )
 
     @property
     def is_over(self) -> bool:

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Collection, Iterator, Mapping
-from math import isnan
+from math import isnan, nan
 from typing import Protocol
 
 import msgspec
 
 from sleepcast.channel.message import AUCTION, GRANTS, HOPS, MAX_NUMBER, OUTBID, UNKNOWN, WITHIN, Message
 from sleepcast.core.errors import MisuseError
+from sleepcast.language.explain import BidStanding, BidState
 from sleepcast.language.parts import Auction
 from sleepcast.mind.auction import Bid, BidPhase, GrantMessage, validate_kept
 from sleepcast.mind.rules import Rule
@@ -26,6 +27,8 @@ MAX_OF_ONE = 8
 """The same of one caller, so that nobody has all of them."""
 MAX_GRANTS = 64
 """Messages of callers that wait for the next tick; of more, the oldest go, since each is said again."""
+MAX_ENDED = 64
+"""Bids that are over of which a robot can tell, as many as commands that it can explain."""
 TOO_MANY = f"it bids for {MAX_BIDS} commands at once, {MAX_OF_ONE} of one sender: no more"
 STOPPED = "STOP has ended its bid"
 HELD_STILL = "it is held still, so it does not bid"
@@ -84,10 +87,31 @@ class BiddingState(msgspec.Struct, array_like=True):
     stopped: bool
 
 
-class Bidding:
-    """All bids of one robot."""
+class EndedBids:
+    """How the latest bids of one robot have ended, by the ids of their polls, for whoever asks why."""
 
     def __init__(self) -> None:
+        self._standings: dict[str, BidStanding] = {}
+
+    def get(self, command: str) -> BidStanding | None:
+        return self._standings.get(command)
+
+    def note(self, poll: Message, standing: BidStanding) -> None:
+        self._standings[poll.id] = standing
+        if len(self._standings) > MAX_ENDED:
+            del self._standings[next(iter(self._standings))]
+
+    def note_unsure(self, poll: Message, auction: Auction, outcome: EvaluatedCommand) -> None:
+        """The robot does not bid by this outcome of test and cost: if that is for its cost, say so."""
+        if outcome.word == "matched":
+            self.note(poll, BidStanding(auction.name, nan, BidState.UNKNOWN))
+
+
+class Bidding:
+    """All bids of one robot. ended: of those before, by default none."""
+
+    def __init__(self, ended: EndedBids | None = None) -> None:
+        self.ended = EndedBids() if ended is None else ended
         self._open: list[OpenBid] = []
         self._grants: deque[Message] = deque(maxlen=MAX_GRANTS)
         self._left_over: tuple[str, ...] = ()
@@ -131,18 +155,20 @@ class Bidding:
         """STOP: every bid and membership is over, and none comes back."""
         self._stopped = bool(self._open)
         for each in self._open:
-            each.bid.leave()
+            each.bid.leave(BidState.STOPPED)
 
     def poll(self, robot: Evaluating, message: Message, auction: Auction, now: float) -> None:
         """Bid for a command, or answer why not."""
         if refusal := self.refusal(message, held_still=robot.is_held_still):
             robot.answer(message, "fault", float("nan"), refusal, {})
         elif not self.is_member(message):
-            outcome = bid_of(robot.outcome_of(message, auction.bid, now))
+            found = robot.outcome_of(message, auction.bid, now)
+            outcome = bid_of(found)
             if outcome.word == "matched":
                 self.begin(message, auction, robot.name, outcome.value, now)
             else:
                 self.withdraw(message)
+                self.ended.note_unsure(message, auction, found)
                 robot.answer(message, outcome.word, outcome.value, outcome.fault, {})
 
     def refusal(self, message: Message, *, held_still: bool) -> str:
@@ -173,7 +199,7 @@ class Bidding:
         """A poll was told again, and is none for this robot any more, which answers it."""
         if (known := self._known(message)) is not None:
             known.answered = True
-            known.bid.leave()
+            known.bid.leave(BidState.WITHDRAWN)
 
     def _known(self, message: Message) -> OpenBid | None:
         """The bid for a poll that was told before."""
@@ -181,6 +207,11 @@ class Bidding:
             return None
         poll = poll_of(message)
         return next((each for each in self._open if each.bid.poll == poll and _is_of(message, each.poll)), None)
+
+    def standing(self, command: str) -> BidStanding | None:
+        """How the bid for the command with this id stands, or how it ended if that was not too long ago."""
+        open_bids = (each.bid.standing() for each in self._open if each.poll.id == command)
+        return next(open_bids, None) or self.ended.get(command)
 
     def end_left_over(self, robot: Evaluating) -> None:
         """End what a life before this one was a member by, before the robot hears anything new."""
@@ -203,6 +234,7 @@ class Bidding:
             if (said := each.bid.say(now)) is not None:
                 robot.say_bid(said.body())
             if each.bid.is_over:
+                self.ended.note(each.poll, each.bid.standing())
                 self._open.remove(each)
         self._stopped = False
 

@@ -30,7 +30,8 @@ from sleepcast.core.model import Constant, HostFunction, NeighbourSensor, Quanti
 from sleepcast.core.neighbours import NEAREST_ID, field_named
 from sleepcast.core.serial import UNREADABLE
 from sleepcast.core.units import UNITS, Dimension
-from sleepcast.language.explain import Explanation, Step
+from sleepcast.language.explain import BidStanding, BidState, Explanation, Step
+from sleepcast.language.functions import MAX_CHOSEN
 from sleepcast.language.reader import is_name
 from sleepcast.language.vocabulary import (
     BUFFERS,
@@ -308,6 +309,24 @@ class StepRecord(msgspec.Struct, array_like=True):
         return Step(self.text, value, self.start, self.end, None, self.note, children)
 
 
+class BidRecord(msgspec.Struct, omit_defaults=True):
+    """See `BidStanding`; a number that is unknown is none."""
+
+    name: Words
+    cost: float | None
+    state: BidState
+    better: Annotated[list[tuple[Words, float | None]], msgspec.Meta(max_length=MAX_CHOSEN)] = []
+
+    @classmethod
+    def of(cls, bid: BidStanding) -> BidRecord:
+        better = [(name, _finite(cost)) for name, cost in bid.better[:MAX_CHOSEN]]
+        return cls(bid.name, _finite(bid.cost), bid.state, better)
+
+    def made(self) -> BidStanding:
+        better = tuple((name, nan if cost is None else cost) for name, cost in self.better)
+        return BidStanding(self.name, nan if self.cost is None else self.cost, self.state, better)
+
+
 class ExplanationRecord(msgspec.Struct, omit_defaults=True):
     """See `Explanation`."""
 
@@ -321,6 +340,7 @@ class ExplanationRecord(msgspec.Struct, omit_defaults=True):
     root: StepRecord
     held: bool = False
     priority: int = 0
+    bid: BidRecord | None = None
 
     @classmethod
     def of(cls, explanation: Explanation, most: int) -> ExplanationRecord:
@@ -336,10 +356,12 @@ class ExplanationRecord(msgspec.Struct, omit_defaults=True):
             StepRecord.of(explanation.root, most),
             explanation.held,
             explanation.priority,
+            None if explanation.bid is None else BidRecord.of(explanation.bid),
         )
 
     def made(self) -> Explanation:
-        about = (tuple(self.faults), self.command, self.time, self.held, self.priority)
+        bid = None if self.bid is None else self.bid.made()
+        about = (tuple(self.faults), self.command, self.time, self.held, self.priority, bid)
         return Explanation(self.text, _value(self.value), self.matched, self.reason, self.root.made(), *about)
 
 

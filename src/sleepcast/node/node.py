@@ -34,7 +34,7 @@ from sleepcast.channel.message import (
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import RestState
-from sleepcast.language.explain import Explanation, Recollection, explain, foretell, rehearse
+from sleepcast.language.explain import Explanation, Recollection, explain, foretell, rehearse, with_bid
 from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.lint import Checked, check, unit_of_program
 from sleepcast.language.parts import Part, auction_of
@@ -390,7 +390,8 @@ class Node:
         for recollected in reversed(self._recollections):
             recollection = Recollection(*recollected)
             if command is None or recollection.command == command:
-                return explain(recollection)
+                bid = None if self.bidding is None else self.bidding.standing(recollection.command)
+                return with_bid(explain(recollection), bid)
         rule = self._memory.base.rules.get((command or "").casefold())
         if rule is not None:
             memory, priority = self._memory.rehearsal(), rule.shown_priority

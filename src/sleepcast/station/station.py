@@ -682,16 +682,18 @@ class Station:
             return [answer if answer is not None and answer.heard <= time else None for answer in answers]
 
     def why(self, robot: str, command: str | None = None) -> Explanation:
-        """How `robot` evaluated a command (None: its last one): the tree of values and the first test that failed.
-        Raises UnknownRobotError, NoSuchCommandError, and NoExplanationError if the robot cannot say."""
+        """How `robot` evaluated a command (None: its last one), or what a rule of its, by name, would do now: the tree
+        of values and the first test that failed. Raises UnknownRobotError, NoSuchCommandError, and NoExplanationError
+        if the robot cannot say."""
         with self._lock:
             self._roster.place(robot)
-            if command is not None:
-                self._sent.get(command)
         mind = self._minds.get(robot)
-        if mind is None:
-            raise NoExplanationError(f"{robot} cannot be asked from here: only its radio is known, not its mind")
         try:
+            if mind is None:
+                raise SleepcastError(f"{robot} cannot be asked from here: only its radio is known, not its mind")
             return mind.why(command)
         except SleepcastError as error:
+            with self._lock:
+                if command is not None:
+                    self._sent.get(command)
             raise NoExplanationError(str(error)) from error

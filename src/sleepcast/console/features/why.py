@@ -43,7 +43,8 @@ class ShownStep(msgspec.Struct, frozen=True):
 
 
 class ShownWhy(msgspec.Struct, frozen=True):
-    """Why a robot obeyed a command or did not, see `Explanation`. precedence: what a rule's priority means."""
+    """Why a robot obeyed a command or did not, see `Explanation`. precedence: what a rule's priority means. bid: how
+    its bid stands, in words."""
 
     text: str
     matched: bool
@@ -52,6 +53,7 @@ class ShownWhy(msgspec.Struct, frozen=True):
     root: ShownStep
     held: bool = False
     precedence: str = ""
+    bid: str = ""
 
 
 class Explained(DeskMessage):
@@ -80,7 +82,8 @@ def why(source: Explainer, asked: Why) -> Explained | Awaitable[Explained | msgs
 def show_why(explanation: Explanation) -> ShownWhy:
     """`explanation` for the page."""
     about = (explanation.text, explanation.matched, explanation.reason, explanation.faults)
-    return ShownWhy(*about, _show(explanation.root), explanation.held, explanation.precedence)
+    bid = "" if explanation.bid is None else explanation.bid.sentence
+    return ShownWhy(*about, _show(explanation.root), explanation.held, explanation.precedence, bid)
 
 
 def _show(step: Step) -> ShownStep:

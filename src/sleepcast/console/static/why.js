@@ -25,7 +25,10 @@ export function drawWhy(pane, why, row) {
   const precedence = document.createElement("p");
   precedence.textContent = why.precedence;
   precedence.hidden = !why.precedence;
-  pane.replaceChildren(verdict, reason, precedence, tree);
+  const bid = document.createElement("p");
+  bid.textContent = why.bid;
+  bid.hidden = !why.bid;
+  pane.replaceChildren(verdict, reason, bid, precedence, tree);
 }
 
 function verdictOf(why) {

@@ -27,7 +27,7 @@ from sleepcast.mind.rules import Rule
 from sleepcast.mind.views import EvaluatedCommand
 
 
-class Evaluator(Protocol):
+class TextEvaluator(Protocol):
     """What evaluates for the bids, see `Obeying`."""
 
     def programs(self, text: str, rows: Rows) -> Iterable[tuple[Program | str, Rows]]: ...
@@ -38,7 +38,7 @@ class Evaluator(Protocol):
 class FleetBids:
     """See the module."""
 
-    def __init__(self, memory: FleetMemory, authority: FleetAuthority, evaluator: Evaluator) -> None:
+    def __init__(self, memory: FleetMemory, authority: FleetAuthority, evaluator: TextEvaluator) -> None:
         self._memory, self._authority, self._evaluator = memory, authority, evaluator
         self._of: dict[int, Bidding] = {}
         self._ended: dict[int, EndedBids] = {}

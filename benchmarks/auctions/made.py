@@ -14,8 +14,8 @@ from random import Random
 from benchmarks.auctions.radio import Rounds, SimulatedRobot, best, quorum
 from sleepcast.mind.auction import rank
 
-ROBOTS, DYING, SECONDS = 12, 1 / 8, 7.0
-"""Robots; which share of them dies; and how long a round lasts, two seconds after the deadline."""
+ROBOTS, DYING, SECONDS = 12, 1 / 8, 8.0
+"""Robots; which share of them dies; and how long a round lasts, half a second after the deadline."""
 PLACES, LEAST, MOST = 4, 5, 8
 CHUNK = 100
 """Rounds that a process makes at a time."""

@@ -24,7 +24,7 @@ SLOWEST = 0.25
 """Seconds that a message takes at most."""
 REPEATED = 0.1
 """Share of messages that arrive twice."""
-LIFE = 5.0
+LIFE = 7.5
 """Seconds from a poll to its deadline."""
 
 

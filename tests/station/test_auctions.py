@@ -105,10 +105,11 @@ def test_a_rule_that_a_later_command_has_changed_is_not_forgotten() -> None:
     assert [rule.text for rule in scene.fleet["r0"].node.rules()] == ["(UNMARK)"]
 
 
-def test_a_place_is_given_again_only_when_its_lease_is_over() -> None:
+@pytest.mark.parametrize("deadline", [None, 30.0])
+def test_a_place_is_given_again_only_when_its_lease_is_over(deadline: float | None) -> None:
     scene = Scene(robots=6)
     desk = scene.desk()
-    sent = desk.send("(BEST 2 x TRUE (JOIN red))", deadline=30.0, confirmed=True)
+    sent = desk.send("(BEST 2 x TRUE (JOIN red))", deadline=deadline, confirmed=True)
     scene.run(0.9)
     scene.isolate("r0")  # it has bid, and hears nothing any more
     scene.run(3.0)
@@ -131,6 +132,12 @@ def test_a_robot_whose_test_is_false_by_the_time_of_the_grant_makes_way() -> Non
     scene.run(3.0)
     assert members(scene) == ["r1", "r2"]
     assert status_of(desk, sent).members == ("r1", "r2")
+
+
+@pytest.mark.parametrize(("times", "seconds"), [("", 7.5), (":lease 10s :window 2s", 14.5), (":lease 1h", 5.0)])
+def test_it_is_good_until_a_place_of_a_dead_robot_can_be_given_again(times: str, seconds: float) -> None:
+    message = Scene(robots=2).desk().send(f"(BEST 1 x TRUE (JOIN red) {times})", confirmed=True).message
+    assert message.deadline - message.issued == pytest.approx(seconds, abs=0.02)
 
 
 @pytest.mark.parametrize("who", ["chief", "watch"])
@@ -284,7 +291,7 @@ def test_why_says_how_a_bid_stands_that_nobody_has_granted() -> None:
     lost = desk.send("(BEST 1 x TRUE (JOIN red))", confirmed=True)
     scene.run(0.5)
     scene.isolate("r3")
-    scene.run(6.0)
+    scene.run(8.0)
     assert (
         told(scene, "r3", lost).render().endswith("it bid 3, and nobody chose it in time; bids before its own: r0 (0)")
     )

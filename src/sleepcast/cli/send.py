@@ -52,7 +52,12 @@ anyway_option = click.option(
 @click.option("--all", "everybody", is_flag=True, help="Send it to every robot, without a test.")
 @click.option("--only", metavar="NAMES", help="Send it to these robots only, e.g. r1,r2.")
 @click.option("--count", type=click.IntRange(1), help="How many robots may obey; asked for if there are many.")
-@click.option("--deadline", metavar="TIME", type=QuantityType(), help="Time until it expires (default: 5s).")
+@click.option(
+    "--deadline",
+    metavar="TIME",
+    type=QuantityType(),
+    help="Time until it expires (default: 5s, 7.5s for BEST and QUORUM).",
+)
 @click.option(
     "--staged", is_flag=True, help="Send it to one robot, then to a tenth, then to all, until something fails."
 )

@@ -45,6 +45,10 @@ USEFUL = 0.3
 """Seconds of a lease that are left at least when a robot becomes a member by it."""
 FRESH = 2.0
 """Seconds for which a bid is taken for one of a robot that is still there."""
+GIVEN_AGAIN = 2.0
+"""Seconds that it takes, even on a bad radio, to give a place to the next one."""
+USUALLY_GOOD, MOST_GOOD = 5.0, 30.0
+"""Seconds for which polls are good unless it is said: at least, and for short leases at most."""
 FAREWELLS = 4
 """How often a robot says that it is out."""
 CLOSING = 2.0
@@ -137,6 +141,13 @@ def beat_of(lease: float) -> float:
 def outlasting(lease: float) -> float:
     """Seconds after which a robot cannot be a member any more by a beat that was heard before."""
     return lease * (1.0 + DRIFT) + LATE
+
+
+def good_for(auction: Auction) -> float:
+    """Seconds for which its poll is good unless it is said: long enough that a place whose robot died before it obeyed
+    is given once more, or as long as any command where nobody would wait so long for a lease."""
+    again = auction.window + auction.lease * (1.0 + DRIFT) + LATE + GIVEN_AGAIN
+    return max(again, USUALLY_GOOD) if again <= MOST_GOOD else USUALLY_GOOD
 
 
 def rank(cost: float, name: str) -> tuple[float, object, str]:

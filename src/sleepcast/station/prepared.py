@@ -235,7 +235,7 @@ def _for_good(program: Program) -> str:
 def validate_type(program: Program, standing: bool, deadline: float | None) -> float:
     """The seconds for which a command is good. Raises CommandTypeError."""
     if not standing:
-        seconds = DEADLINE if deadline is None else deadline
+        seconds = _usual_deadline(program) if deadline is None else deadline
         if not 0.0 < seconds <= MAX_DEADLINE:
             raise CommandTypeError(
                 f"a deadline lies more than 0 and at most {MAX_DEADLINE:g} s ahead, not {seconds:g} s"
@@ -252,3 +252,13 @@ def validate_type(program: Program, standing: bool, deadline: float | None) -> f
             "send it as a one-shot command"
         )
     return inf
+
+
+def _usual_deadline(program: Program) -> float:
+    """The seconds for which a one-shot command is good unless it is said."""
+    auction = auction_of(program.root)
+    if auction is None:
+        return DEADLINE
+    from sleepcast.mind.auction import good_for  # few commands choose among robots
+
+    return good_for(auction)

@@ -14,10 +14,12 @@ from typing import Any
 
 from hypothesis import given, note, settings
 from hypothesis import strategies as st
+from msgspec import structs
 
 from fleet.twins import Twins, vocabulary
 from language.cases import SENSORS, Body
 from sleepcast.channel.message import (
+    AUCTION,
     BID,
     DRIVER,
     ENDS,
@@ -57,6 +59,12 @@ AUCTIONS = (
     "(QUORUM 1 2 (NOT (IN charlie)) (PROGN (JOIN charlie) (TELL (JOIN bravo)) (+ fuel UNKNOWN)))",
     "(QUORUM 1 2 (NOT marked) (PROGN (MARK) (twice fuel)) :lease 10s)",
 )
+CALLS = (
+    "(TELL (BEST 1 (ABS (- id 2)) TRUE (JOIN bravo) :window 0.2s :lease 1s))",
+    "(RULE calls (TELL `(BEST 2 (- fuel ,id) (NOT marked) (PROGN (MARK) (VM 1 2)) :window 0.2s)))",
+    "(RULE calls (TELL (QUORUM 1 2 TRUE (JOIN charlie) :window 0.2s :lease 1s)))",
+    "(FORGET calls)",
+)
 TEXTS = (
     "(VM 1 1)",
     "(SETQ throttle 0.5)",
@@ -91,6 +99,7 @@ TEXTS = (
     "(nonsense",
     "(+ nobody 1)",
     *(3 * AUCTIONS),
+    *(3 * CALLS),
 )
 
 
@@ -132,6 +141,8 @@ class Life:
     said: list[Message] = field(default_factory=list)
     stops: list[Message] = field(default_factory=list)
     sequence: int = 0
+    signed: str = Role.ROBOT
+    """The role of the keys of these robots."""
 
     def some(self) -> list[int] | None:
         count = len(self.twins.nodes)
@@ -154,13 +165,15 @@ class Life:
             note(f"{those}: {message}")
             twins.hear(message, those)
         twins.think(chance.choice((1, 1, 3, 8, 25, 700)), self.some() if chance.random() < 0.2 else None)
-        told = [said for node in twins.nodes for said in node.outbox if said.kind is Kind.COMMAND]
-        bids = [said for node in twins.nodes for said in node.outbox if BID in said.body]
-        self.compare()
-        self.grant(bids)
-        for said in told[:2]:
-            role = chance.choice((Role.ROBOT, Role.ROBOT, ""))
-            twins.hear(Message(**{name: getattr(said, name) for name in said.__struct_fields__} | {"role": role}))
+        for _ in range(chance.choice((1, 1, 10))):
+            told = [said for node in twins.nodes for said in node.outbox if said.kind in (Kind.COMMAND, Kind.REQUEST)]
+            self.compare()
+            self.grant([said for said in told if BID in said.body])
+            for said in told[:6]:
+                twins.hear(structs.replace(said, role=self.signed))
+            if not told:
+                break
+            twins.think()
 
     def grant(self, bids: list[Message]) -> None:
         """The callers of some robots that bid say something; some of it comes late, or twice."""
@@ -168,7 +181,9 @@ class Life:
         for bid in chance.sample(bids, min(len(bids), 2)):
             said = BidMessage.of(bid.body)
             assert said is not None
-            poll = polls[f"{said.caller}-{said.epoch}.{said.number}"]
+            poll = polls.get(f"{said.caller}-{said.epoch}.{said.number}")
+            if poll is None:
+                continue  # a robot's own
             granted = {bid.sender: said.beat - chance.choice((0, 0, 0, 1))} if chance.random() < 0.8 else {}
             grants = GrantMessage(said.number, chance.random() < 0.8, granted, ((0.5, "r1"), (2.0, "r2")))
             self.sequence += 1
@@ -181,9 +196,6 @@ class Life:
             note(f"{sent}")
             for _ in range(chance.choice((1, 1, 2))):
                 self.twins.hear(sent, self.some())
-        if bids and chance.random() < 0.7:
-            self.twins.think()
-            self.compare()
 
     def divide_the_work(self) -> None:
         """Some robots are in a group, which anna takes."""
@@ -263,7 +275,9 @@ class Life:
             case _:
                 told = sender == "r9" or chance.random() < 0.05
                 body = {HOPS: chance.choice((1, 2)), **chance.choice(({}, {DRIVER: "anna"}))} if told else {}
-                return Kind.COMMAND, chance.choice(TEXTS), body
+                text = chance.choice(TEXTS)
+                called = told and (text in AUCTIONS or chance.random() < 0.1)
+                return Kind.COMMAND, text, body | ({AUCTION: chance.choice((3, 4, -1, "5"))} if called else {})
 
     def lease(self) -> dict[str, object]:
         chance = self.chance
@@ -297,6 +311,7 @@ def live(chance: Random, *, steps: int = 10) -> None:
     seed = chance.randrange(2**32)
     twins = Twins(chance.choice((1, 1, 3)), seed=seed, body=body, **rights)
     life = Life(chance, twins, seed, {"bodies": twins.here, **rights})
+    life.signed = chance.choice((Role.ROBOT, Role.ROBOT, ""))
     if chance.random() < 0.5:
         life.divide_the_work()
     for _ in range(steps):

@@ -195,3 +195,99 @@ def test_a_run_that_goes_on_from_an_earlier_moment_keeps_who_was_chosen_then(
     assert members(past) == NEAREST
     assert status_of(desk, sent).members == ("rover6", "rover7", "rover5")
     assert len(status_of(desk, sent).bids) == 12
+
+
+# ---- robots that call
+
+
+CALL = "(WHEN (= id 1) (RULE call (TELL `(BEST 3 (ABS (- id (+ ,id 5.2))) (< id 12) (JOIN red)))))"
+
+
+def test_a_robot_chooses_for_as_long_as_it_tells_so(tmp_path: Path) -> None:
+    swarm, chief, _ = swarm_in(tmp_path)
+    chief.send(CALL)
+    swarm.run(2.5)
+    assert members(swarm) == NEAREST
+    assert [report.body["label"] for report in chief.reports] == [], "telling it in each tick is not too often"
+    swarm.run(20)
+    assert members(swarm) == NEAREST
+    chief.send("(WHEN (= id 1) (FORGET call))")
+    swarm.run(10)
+    assert members(swarm) == []
+    assert swarm.fleet.bids.busy == []
+
+
+def test_who_is_lost_is_replaced_and_may_be_chosen_again(tmp_path: Path) -> None:
+    swarm, chief, _ = swarm_in(tmp_path, "reach = '30m'")
+    x, y = swarm.simulator.x, swarm.simulator.y
+    x[:], y[:] = 50.0, 50.0
+    chief.send(CALL)
+    swarm.run(2.5)
+    assert members(swarm) == NEAREST
+    x[6] = 95.0
+    swarm.run(8)
+    assert members(swarm) == ["rover5", "rover6", "rover8"]
+    x[4], x[6] = 95.0, 50.0
+    swarm.run(8)
+    assert members(swarm) == ["rover6", "rover7", "rover8"]
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.5])
+def test_a_robot_never_has_more_than_it_wants(tmp_path: Path, loss: float) -> None:
+    swarm, chief, _ = swarm_in(tmp_path, f"loss = {loss}\njitter = '0.3s'\nduplication = 0.2")
+    for _ in range(8):
+        chief.send(CALL)
+    counts = []
+    for tick in range(400):
+        if tick % 100 == 99:  # it stops telling, and begins again
+            swarm.fleet.evaluate("(FORGET call)" if tick % 200 == 99 else CALL, [0])
+        swarm.step()
+        counts.append(len(members(swarm)))
+    assert max(counts) == 3
+    assert counts.count(3) > 80
+
+
+def test_a_stop_ends_what_a_robot_calls_and_it_calls_anew_after_release(tmp_path: Path) -> None:
+    swarm, chief, _ = swarm_in(tmp_path)
+    chief.send(CALL)
+    swarm.run(2.5)
+    chief.stop()
+    swarm.run(1)
+    assert members(swarm) == []
+    swarm.run(5)
+    assert members(swarm) == []
+    chief.release_all()
+    swarm.run(6)
+    assert members(swarm) == NEAREST
+
+
+@pytest.mark.parametrize("seconds", [0.7, 1.6, 6.0])
+def test_a_swarm_goes_on_from_a_snapshot_with_what_robots_call(tmp_path: Path, seconds: float) -> None:
+    swarm, chief, _ = swarm_in(tmp_path, "loss = 0.3\njitter = '0.2s'")
+    for _ in range(5):
+        chief.send(CALL)
+    swarm.run(seconds)
+    again, _ = assemble_from(snapshot(swarm), None)
+    seen = []
+    for each in (swarm, again):
+        history = []
+        for _ in range(60):
+            each.step()
+            history.append(members(each))
+        seen.append((history, each.measures()))
+    assert seen[0] == seen[1]
+    assert len(seen[0][0][-1]) == 3
+
+
+def test_a_quorum_that_is_told_waits_until_there_are_enough(tmp_path: Path) -> None:
+    swarm, chief, _ = swarm_in(tmp_path)
+    chief.send("(WHEN (= id 1) (RULE call (TELL (QUORUM 2 3 marked (JOIN red)))))")
+    swarm.fleet.evaluate("(MARK)", [6])
+    swarm.run(5)
+    assert members(swarm) == []
+    swarm.fleet.evaluate("(MARK)", [3])
+    swarm.run(3)
+    assert members(swarm) == ["rover4", "rover7"]
+    swarm.fleet.evaluate("(MARK)", [2, 8, 9])
+    swarm.run(4)
+    assert members(swarm) == ["rover3", "rover4", "rover7"]

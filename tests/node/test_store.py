@@ -121,8 +121,8 @@ def hire(fleet: Afloat, robot: Living) -> Message:
     """Let a robot join a group and get a rule for as long as it is chosen."""
     poll = fleet.post("(BEST 1 1 TRUE (PROGN (JOIN crew) (RULE shine (MARK))))")
     fleet.run(0.3)
-    assert robot.node.bidding is not None
-    (bid,) = (each.bid for each in robot.node.bidding._open)
+    assert robot.node.auctions is not None
+    (bid,) = (each.bid for each in robot.node.auctions.bidding._open)
     grants = GrantMessage(poll.sequence, True, {robot.name: max(bid.beats)}, ())
     fleet.air.desk.delivery.post(Kind.REQUEST, fleet.air.clock.now(), body=grants.body())
     fleet.run(0.3)

@@ -167,6 +167,7 @@ class Scene:
     def restart(self, name: str) -> Robot:
         """The robot's process ends, and another one begins, with nothing in its mind."""
         self.fleet[name] = self._robot(name, self.fleet[name].node.number)
+        self.fleet[name].node.began = 0.0
         return self.fleet[name]
 
     def desk(

@@ -7,11 +7,13 @@ import pytest
 
 from safety.scene import VOCABULARY, Scene
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.message import HOPS
+from sleepcast.channel.message import AUCTION, HOPS
 from sleepcast.console.features.why import show_why
 from sleepcast.language import CheckError
 from sleepcast.language.explain import Explanation
 from sleepcast.mind.auction import AuctionStatus, BidMessage, BidPhase, GrantMessage
+from sleepcast.mind.authority import NO_CALLER, Tells
+from sleepcast.mind.limits import TOO_MANY_CALLS
 from sleepcast.mind.telemetry import read_why, why_text
 from sleepcast.node.node import Node
 from sleepcast.station.account import Account
@@ -324,7 +326,7 @@ def test_what_others_tell_and_standing_commands_choose_nobody() -> None:
         node.receive(Message("r2", 1, 1, Kind.COMMAND, 0.0, text=BEST, **sent))  # type: ignore[arg-type]
         node.think(1, 0.1)
         (answer,) = node.outbox
-        assert answer.body["fault"] == "BEST and QUORUM are sent once, by a desk: nobody else collects bids"
+        assert answer.body["fault"] == NO_CALLER
 
 
 def test_a_robot_takes_part_in_so_many_auctions_of_one_caller_and_of_all() -> None:
@@ -358,8 +360,8 @@ def test_bids_of_many_others_do_not_keep_a_grant_out() -> None:
     chief.send("(BEST 1 x TRUE (JOIN red))", confirmed=True)
     scene.run(0.4)
     robot = scene.fleet["r0"].node
-    assert robot.bidding is not None
-    poll, bid = robot.bidding._open[0].poll, robot.bidding._open[0].bid
+    assert robot.auctions is not None
+    poll, bid = robot.auctions.bidding._open[0].poll, robot.auctions.bidding._open[0].bid
     grants = GrantMessage(poll.sequence, True, {"r0": max(bid.beats)}, ())
     about = {"kind": Kind.REQUEST, "issued": poll.issued}
     robot.receive(msgspec.structs.replace(poll, sequence=poll.sequence + 1_000, text="", body=grants.body(), **about))
@@ -376,8 +378,8 @@ def test_grants_of_somebody_else_make_nobody_a_member() -> None:
     sent = chief.send("(BEST 1 (- x) TRUE (JOIN red))", confirmed=True)
     scene.run(0.4)
     robot = scene.fleet["r0"]
-    assert robot.node.bidding is not None
-    for beat in list(robot.node.bidding._open[0].bid.beats):
+    assert robot.node.auctions is not None
+    for beat in list(robot.node.auctions.bidding._open[0].bid.beats):
         grants = {
             "of": sent.message.sequence,
             "open": True,
@@ -391,3 +393,58 @@ def test_grants_of_somebody_else_make_nobody_a_member() -> None:
     assert members(scene) == []
     scene.run(2.0)
     assert members(scene) == ["r1"]
+
+
+# ---- robots that call
+
+
+CALL = "(RULE call (TELL (BEST 2 x (> id 0) (JOIN red))))"
+
+
+def test_a_robot_chooses_others_and_a_restart_makes_them_never_too_many() -> None:
+    scene = Scene(robots=6, loss=0.2, twice=0.2, delay=0.05)
+    scene.fleet["r0"].node.evaluate(CALL)
+    scene.run(3.0)
+    assert members(scene) == ["r1", "r2"]
+    scene.run(10.0)
+    assert members(scene) == ["r1", "r2"]
+    restarted = scene.restart("r0")
+    restarted.node.evaluate("(RULE call (TELL (BEST 2 (- x) (> id 0) (JOIN red))))")  # others are the best by now
+    counts = []
+    for _ in range(80):
+        scene.run(0.1)
+        counts.append(len(members(scene)))
+    assert max(counts) == 2
+    assert members(scene) == ["r4", "r5"]
+
+
+def test_a_robot_that_is_stopped_calls_nobody() -> None:
+    scene = Scene(robots=4)
+    desk = scene.desk()
+    scene.fleet["r0"].node.evaluate(CALL)
+    scene.run(3.0)
+    desk.stop()
+    scene.run(1.0)
+    assert members(scene) == []
+    scene.run(4.0)
+    desk.release_all()
+    scene.run(6.0)
+    assert members(scene) == ["r1", "r2"], "its rule is there, and tells it again"
+
+
+@pytest.mark.parametrize(("tells", "joined"), [(Tells.MARKS, ["r1", "r2"]), (Tells.NONE, [])])
+def test_who_obeys_no_tell_does_not_bid(tells: Tells, joined: list[str]) -> None:
+    scene = Scene(robots=3, tells=tells)
+    scene.fleet["r0"].node.evaluate(CALL)
+    scene.run(3.0)
+    assert members(scene) == joined
+
+
+def test_a_robot_calls_so_many_at_once() -> None:
+    node = Node("r1", VOCABULARY)
+    node.think(1, 0.1)
+    faults = [node.evaluate(f"(TELL (BEST {n} 1 TRUE (MARK)))").faults for n in range(1, 10)]
+    assert [len(each) for each in faults] == [*[0] * 8, 1]
+    assert faults[-1][0].reason == TOO_MANY_CALLS
+    numbers = [said.body[AUCTION] for said in node.outbox if said.text]
+    assert len(set(numbers)) == 8

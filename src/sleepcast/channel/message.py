@@ -277,6 +277,13 @@ class Inspection(StrEnum):
     """How it evaluated a command, or what a rule would do now."""
 
 
+def relay_body(hops: int, driver: str = "", auction: int | None = None) -> dict[str, object]:
+    """The body of what a robot tells others. driver: who drives it, "" for nobody; auction: see `AUCTION`."""
+    body: dict[str, object] = {HOPS: hops}
+    body |= {DRIVER: driver} if driver else {}
+    return body if auction is None else body | {AUCTION: auction}
+
+
 def answer_body(command: str, outcome: str, value: float, fault: str) -> dict[str, object]:
     """The body of an answer. value: NaN for unknown; fault: "" for none."""
     refined_of = REFINED.get(outcome)

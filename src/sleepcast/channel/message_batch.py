@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.message import DRIVER, HOPS, MAX_NUMBER, RULE, Kind, Message, answer_body, message_id
+from sleepcast.channel.message import MAX_NUMBER, RULE, Kind, Message, answer_body, message_id, relay_body
 from sleepcast.core.serial import Array, SerialError, within
 
 Index = NDArray[np.intp]
@@ -100,17 +100,18 @@ class Reports(msgspec.Struct, frozen=True):
 
 class Relays(msgspec.Struct, frozen=True):
     """One expression that all these robots tell the others, with the hops that it may go. driver: the operator who
-    drives them, "" for none."""
+    drives them, "" for none; auction: see `message.AUCTION`."""
 
     said: str
     hops: int
     driver: str = ""
+    auction: int | None = None
 
     def text(self, index: int) -> str:
         return self.said
 
     def body(self, index: int) -> Body:
-        return {HOPS: self.hops, DRIVER: self.driver} if self.driver else {HOPS: self.hops}
+        return relay_body(self.hops, self.driver, self.auction)
 
 
 class PlainBody(msgspec.Struct, frozen=True):
@@ -210,6 +211,7 @@ class RelaysState(msgspec.Struct, tag="told"):
     said: str
     hops: int = 1
     driver: str = ""
+    auction: int | None = None
 
 
 class PlainBodyState(msgspec.Struct, tag="body"):
@@ -269,7 +271,7 @@ def _dump_contents(words: Contents, places: NDArray[np.intp]) -> ContentsState:
     if isinstance(words, Reports):
         return ReportsState(words.label, tuple(Array.of(column[places]) for column in words.values), words.rule)
     if isinstance(words, Relays):
-        return RelaysState(words.said, words.hops, words.driver)
+        return RelaysState(words.said, words.hops, words.driver, words.auction)
     if isinstance(words, PlainBody):
         return PlainBodyState(words.said)
     raise TypeError(f"{type(words).__name__} cannot be kept")
@@ -277,7 +279,7 @@ def _dump_contents(words: Contents, places: NDArray[np.intp]) -> ContentsState:
 
 def _load_contents(state: ContentsState, shape: tuple[int, ...]) -> Contents:
     if isinstance(state, RelaysState):
-        return Relays(state.said, state.hops, state.driver)
+        return Relays(state.said, state.hops, state.driver, state.auction)
     if isinstance(state, PlainBodyState):
         return PlainBody(state.said)
     if isinstance(state, ReportsState):

@@ -1,14 +1,15 @@
-"""The bids of a fleet's robots for commands with BEST or QUORUM (`mind.bidding`).
+"""The part of a fleet's robots in auctions: their bids for commands with BEST or QUORUM (`mind.bidding`), and what they
+call themselves by TELL (`mind.calling`).
 
 Test and cost are evaluated for all robots at once. Whoever bids has a `Bidding` of its own from then on, as a node has;
-robots without a bid have nothing.
+so has a caller its `Calls`. All others have nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Set
 from math import nan
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -19,10 +20,12 @@ from sleepcast.columns.values import Index, Mask, Rows
 from sleepcast.core.serial import SerialError
 from sleepcast.fleet.authority import FleetAuthority
 from sleepcast.fleet.memory import FleetMemory
+from sleepcast.fleet.schema import AuctionsState
 from sleepcast.language.explain import BidStanding
 from sleepcast.language.parts import Auction
 from sleepcast.language.program import Program
-from sleepcast.mind.bidding import Bidding, BiddingState, EndedBids, bid_of
+from sleepcast.mind.bidding import Bidding, EndedBids, bid_of
+from sleepcast.mind.calling import Calls
 from sleepcast.mind.rules import Rule
 from sleepcast.mind.views import EvaluatedCommand
 
@@ -43,11 +46,19 @@ class FleetBids:
         self._of: dict[int, Bidding] = {}
         self._ended: dict[int, EndedBids] = {}
         """Of robots that have bid, or would have if they had known their cost."""
+        self._calls: dict[int, Calls] = {}
+        memory.calls = self.calls
 
     @property
     def busy(self) -> list[int]:
-        """The robots whose bids have something to do in the next tick, ascending."""
-        return sorted(self._of)
+        """The robots whose auctions have something to do in the next tick, ascending."""
+        return sorted({*self._of, *(robot for robot, calls in self._calls.items() if calls.is_busy)})
+
+    def calls(self, robot: int) -> Calls | None:
+        """What a robot calls, None while it is stopped."""
+        if self._memory.state.stopped[robot]:
+            return None
+        return self._calls.get(robot) or self._calls.setdefault(robot, Calls(self._name(robot)))
 
     def poll(self, message: Message, auction: Auction, rows: Rows, now: float) -> None:
         """Let robots bid for a command, or answer why they do not."""
@@ -89,28 +100,34 @@ class FleetBids:
         self._memory.outbox.answer_alike(message, rows.take(unknown), UNKNOWN)
 
     def hear(self, message: Message, robots: Index) -> None:
-        """A caller says something about its auction."""
-        if GRANTS in message.body and self._of:
-            heard = set(robots.tolist())
-            for robot, bidding in self._of.items():
-                if robot in heard:
-                    bidding.hear(message)
+        """A caller or a bidder says something about an auction."""
+        hearing: Mapping[int, Bidding | Calls] = self._of if GRANTS in message.body else self._calls
+        heard = set(robots.tolist()) if hearing else ()
+        for robot, each in hearing.items():
+            if robot in heard:
+                each.hear(message)
 
     def stop(self, robots: Index) -> None:
         """STOP has come to these robots."""
-        for robot in self._of.keys() & set(robots.tolist()) if self._of else ():
-            self._of[robot].stop()
+        stopped = set(robots.tolist()) if self._of or self._calls else set[int]()
+        for bidding in _at(self._of, stopped):
+            bidding.stop()
+        for calls in _at(self._calls, stopped):
+            calls.stop()
 
     def tick(self, rows: Rows, now: float) -> None:
         """Do what is due on these robots."""
-        if not self._of:
+        if not self._of and not self._calls:
             return
         here = set(rows.robots.tolist())
         for robot in [robot for robot in self.busy if robot in here]:
-            bidding = self._of[robot]
-            bidding.tick(BiddingRobot(self, robot), now)
-            if not bidding.is_busy:
-                del self._of[robot]
+            one = BiddingRobot(self, robot)
+            if robot in self._of:
+                self._of[robot].tick(one, now)
+            for grants in self._calls[robot].tick(now) if robot in self._calls else ():
+                one.say_bid(grants.body())
+        self._of = {robot: bidding for robot, bidding in self._of.items() if bidding.is_busy}
+        self._calls = {robot: calls for robot, calls in self._calls.items() if calls.is_busy}
 
     def _bidding(self, robot: int) -> Bidding:
         return self._of.setdefault(robot, Bidding(self._ended_of(robot)))
@@ -129,16 +146,27 @@ class FleetBids:
     def _name(self, robot: int) -> str:
         return self._memory.outbox.names[robot]
 
-    def state(self) -> dict[int, BiddingState]:
-        """All bids, by robot."""
-        return {robot: self._of[robot].state() for robot in self.busy}
+    def state(self) -> AuctionsState:
+        """All bids and calls, by robot."""
+        calls = {robot: calls.state() for robot, calls in sorted(self._calls.items())}
+        return AuctionsState({robot: bidding.state() for robot, bidding in sorted(self._of.items())}, calls)
 
-    def restore(self, state: Mapping[int, BiddingState]) -> None:
-        """Have the bids that were kept. Raises SerialError and MisuseError."""
-        if not all(0 <= robot < self._memory.state.count for robot in state):
-            raise SerialError("a robot that is not there bids")
-        self._of = {robot: Bidding.restored(each) for robot, each in state.items()}
+    def restore(self, state: AuctionsState) -> None:
+        """Have what was kept. Raises SerialError and MisuseError."""
+        if not all(0 <= robot < self._memory.state.count for robot in (*state.bids, *state.calls)):
+            raise SerialError("a robot that is not there takes part in an auction")
+        self._of = {robot: Bidding.restored(each) for robot, each in state.bids.items()}
         self._ended = {robot: bidding.ended for robot, bidding in self._of.items()}
+        for robot, calls in state.calls.items():
+            self._calls[robot] = Calls(self._name(robot))
+            self._calls[robot].restore(calls)
+
+
+Of = TypeVar("Of")
+
+
+def _at(table: Mapping[int, Of], robots: Set[int]) -> list[Of]:
+    return [each for robot, each in table.items() if robot in robots]
 
 
 _NOBODY = Bidding()

@@ -24,13 +24,25 @@ from sleepcast.fleet.native.kernels import Kernels
 from sleepcast.fleet.state import FleetState, Minds, draws
 from sleepcast.language.acts import FLAGS
 from sleepcast.language.functions import MAX_HOPS
-from sleepcast.language.parts import Defining, Label, Part, Storing, Template, host_of, label_of, sensor_of, written
+from sleepcast.language.parts import (
+    Auction,
+    Defining,
+    Label,
+    Part,
+    Storing,
+    Template,
+    host_of,
+    label_of,
+    sensor_of,
+    written,
+)
 from sleepcast.language.program import Program
 from sleepcast.language.reader import MAX_TEXT, Form, Number, show
 from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, TICK, TIME_SLOT, Variable, VariableKind, buffer_number
 from sleepcast.mind import rules
-from sleepcast.mind.limits import PROVEN_TICKS, TELLS_TOO_FAR, TELLS_TOO_OFTEN
+from sleepcast.mind.calling import Calls
+from sleepcast.mind.limits import PROVEN_TICKS, TELLS_TOO_FAR, TELLS_TOO_OFTEN, TOO_MANY_CALLS
 from sleepcast.mind.merging import Merging
 from sleepcast.mind.rules import (
     UNKNOWN_CASTE,
@@ -86,6 +98,8 @@ class FleetMemory(FleetEvaluation):
         """Whether the changes are those of a command that is merged with others."""
         self.drivers: Callable[[Rows], Sequence[tuple[str, Rows]]] = lambda rows: [("", rows)]
         """For whom these robots speak, "" for nobody."""
+        self.calls: Callable[[int], Calls | None] = lambda robot: None
+        """The auctions that a robot calls, None while it is stopped."""
         self.hops = MAX_HOPS
         """How many hops a TELL may travel: fewer while robots evaluate what another one has told them."""
 
@@ -505,8 +519,11 @@ def _tell(memory: FleetMemory, part: Part, rows: Rows, *arguments: Column) -> Co
     for argument in arguments:
         unknown |= np.isnan(argument)
     memory.refuse_where(part, rows, unknown, UNKNOWN_TOLD, values)
-    hops = min(part.data.hops, memory.hops)
+    hops, auction = min(part.data.hops, memory.hops), part.data.auction
+    number = None if auction is None else part.data.number
     telling = ~unknown
+    if auction is not None:
+        telling = _calling(memory, part, rows, telling, values)
     telling[telling] = _may_tell(memory, rows.take(telling), hops)  # first: only what is sent needs a text
     told: dict[str, list[int]] = {}
     columns = [argument.tolist() for argument in arguments]
@@ -519,8 +536,31 @@ def _tell(memory: FleetMemory, part: Part, rows: Rows, *arguments: Column) -> Co
             memory.refuse_where(part, rows, mask, too_long(text), values)
         else:
             for driver, some in memory.drivers(rows.take(mask)):
-                memory.outbox.tell(some, text, hops, driver)
+                memory.outbox.tell(some, text, hops, driver, number)
+                if auction is not None:
+                    _begin_calls(memory, auction, part.data.number, some)
     return values
+
+
+def _begin_calls(memory: FleetMemory, auction: Auction, number: int, rows: Rows) -> None:
+    """These robots tell the poll of an auction."""
+    for robot, now in zip(rows.robots.tolist(), memory.state.column(TIME_SLOT, rows).tolist(), strict=True):
+        if (calls := memory.calls(robot)) is not None:
+            calls.begin(auction, number, now)
+
+
+def _calling(memory: FleetMemory, part: Part, rows: Rows, telling: Mask, values: Column) -> Mask:
+    """Which of the robots tell the poll of an auction now; it goes on in any case for who did a moment ago."""
+    assert isinstance(part.data, Template)
+    auction, number = part.data.auction, part.data.number
+    due, full = np.zeros((2, rows.size), np.bool_)
+    robots, now = rows.robots, memory.state.column(TIME_SLOT, rows)
+    for index in np.flatnonzero(telling).tolist():
+        calls = memory.calls(int(robots[index]))
+        if auction is not None and calls is not None and not calls.renew(auction, number, float(now[index])):
+            due[index], full[index] = calls.has_room(number), not calls.has_room(number)
+    memory.refuse_where(part, rows, full, TOO_MANY_CALLS, values)
+    return due
 
 
 def _may_tell(memory: FleetMemory, rows: Rows, hops: int) -> Mask:

@@ -114,9 +114,10 @@ class Outbox:
         state.telling_until[some.index] = begin[may] + 1.0 / TELLS_A_SECOND
         return may, silenced
 
-    def tell(self, rows: Rows, text: str, hops: int, driver: str = "") -> None:
-        """TELL on each of these robots, which must be allowed to. driver: the operator who drives them, if one does."""
-        self.say(Kind.COMMAND, rows, Relays(text, hops, driver), lasts=TELL_SECONDS)
+    def tell(self, rows: Rows, text: str, hops: int, driver: str = "", auction: int | None = None) -> None:
+        """TELL on each of these robots, which must be allowed to. driver: the operator who drives them, if one does;
+        auction: the number of what they call by it."""
+        self.say(Kind.COMMAND, rows, Relays(text, hops, driver, auction), lasts=TELL_SECONDS)
 
     def answer(self, rows: Rows, answers: AnswerColumns) -> None:
         """Send the answers to a message from each of these robots."""

@@ -17,6 +17,7 @@ from sleepcast.columns.values import ValuesState
 from sleepcast.core.serial import Array, Arrays
 from sleepcast.mind.authority import Driving, Latch, Lease
 from sleepcast.mind.bidding import BiddingState
+from sleepcast.mind.calling import CallsState
 from sleepcast.mind.merging import MergingState
 from sleepcast.mind.state import SharedMinds
 
@@ -101,13 +102,20 @@ class AuthorityState(msgspec.Struct):
     arrived: list[tuple[str, int, Array]]
 
 
+class AuctionsState(msgspec.Struct):
+    """The bids and the calls of robots that have any."""
+
+    bids: dict[int, BiddingState]
+    calls: dict[int, CallsState]
+
+
 class FleetSnapshot(msgspec.Struct):
     """The whole state.
 
     left_over: by robot, the rules that the budget of the last tick did not reach
     measured: by slot, when each robot last measured it (s)
     authority: None in snapshots of format 1
-    bids: by robot
+    auctions: None in those of 0.2.0
     """
 
     minds: SharedMinds
@@ -120,4 +128,4 @@ class FleetSnapshot(msgspec.Struct):
     measured: dict[int, Array]
     minds_used: int
     authority: AuthorityState | None = None
-    bids: dict[int, BiddingState] = {}
+    auctions: AuctionsState | None = None

@@ -114,7 +114,8 @@ def restore(fleet: Fleet, state: FleetSnapshot, when: float, table: MindTable | 
     fleet.minds_used = state.minds_used
     if state.authority is not None:
         _restore_authority(fleet, state.authority)
-    fleet.bids.restore(state.bids)
+    if state.auctions is not None:
+        fleet.bids.restore(state.auctions)
     fleet.evaluation_log.since = when
 
 

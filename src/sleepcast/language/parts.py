@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
+from zlib import crc32
 
 from sleepcast.core.model import HostFunction, NeighbourSensor
 from sleepcast.language.acts import ACTS
@@ -95,29 +96,6 @@ class Defining:
         self.parameters, self.body = parameters, body
 
 
-class Template:
-    """What TELL tells: a form whose unquoted places (by their order) are filled with the values of the parts. hops: how
-    far it may go, from robot to robot."""
-
-    __slots__ = ("_pieces", "form", "hops", "unquoted")
-
-    def __init__(self, form: Form, unquoted: tuple[Form, ...], hops: int = 1) -> None:
-        self.form, self.unquoted, self.hops = form, unquoted, hops
-        self._pieces: list[str] = []
-
-    def text(self, values: Iterable[float]) -> str:
-        """What is told with these values, each a known number, in the unquoted places."""
-        if not self._pieces:
-            form = replaced(self.form, lambda: _PLACE) if self.unquoted else self.form
-            self._pieces = show(form).split(_PLACE.text)
-        first, *rest = self._pieces
-        return first + "".join(format_literal(value) + piece for value, piece in zip(values, rest, strict=True))
-
-
-_PLACE = Symbol("\0")
-"""What stands for a value in a template's text: no text that can be read holds it."""
-
-
 class Auction(NamedTuple):
     """What BEST or QUORUM asks for: the two expressions that its robots evaluate, and how many may obey.
 
@@ -136,6 +114,31 @@ class Auction(NamedTuple):
     lease: float
     joins: tuple[str, ...]
     rules: tuple[tuple[str, str], ...]
+
+
+class Template:
+    """What TELL tells: a form whose unquoted places (by their order) are filled with the values of the parts. hops: how
+    far it may go, from robot to robot. auction: what it asks for if it is a BEST or QUORUM."""
+
+    __slots__ = ("_pieces", "auction", "form", "hops", "number", "unquoted")
+
+    def __init__(self, form: Form, unquoted: tuple[Form, ...], hops: int = 1, auction: Auction | None = None) -> None:
+        self.form, self.unquoted, self.hops, self.auction = form, unquoted, hops, auction
+        self.number = 0 if auction is None else crc32(show(form).encode())
+        """The same for all that is written alike."""
+        self._pieces: list[str] = []
+
+    def text(self, values: Iterable[float]) -> str:
+        """What is told with these values, each a known number, in the unquoted places."""
+        if not self._pieces:
+            form = replaced(self.form, lambda: _PLACE) if self.unquoted else self.form
+            self._pieces = show(form).split(_PLACE.text)
+        first, *rest = self._pieces
+        return first + "".join(format_literal(value) + piece for value, piece in zip(values, rest, strict=True))
+
+
+_PLACE = Symbol("\0")
+"""What stands for a value in a template's text: no text that can be read holds it."""
 
 
 class Label:

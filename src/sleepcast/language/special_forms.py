@@ -242,29 +242,35 @@ def _sensor(checker: Checker, form: List) -> HostFunction | None:
 @_special(*AUCTIONS)
 def _auction(checker: Checker, form: List) -> Part:
     name, is_whole = (form.head or "").upper(), checker.checked == 1
-    numbers, rest = form.items[1 : 2 if name == "BEST" else 3], form.items[2 if name == "BEST" else 3 :]
+    rest = form.items[2 if name == "BEST" else 3 :]
     cost, rest = (rest[0], rest[1:]) if name == "BEST" else (_NO_COST, rest)
     looked, test, command = checker.parts(form.items[2:3] if name == "BEST" else ()), *checker.parts(rest[:2])
     if not is_whole:
         return checker.error(f"{name} @@ is a whole command, sent once: it stands in no other expression", form)
     if CHOOSING not in checker.names.vocabulary.forms:
         return checker.error(f"{name} @@ came after what these robots run", form)
-    times = _times(checker, name, rest[2:])
-    counts = [_chosen(checker, name, each) for each in numbers]
-    if counts[0] > counts[-1]:
-        checker.error(f"at least {counts[0]} and at most {counts[-1]} robots @@: none can be both", form)
+    auction = _wanted(checker, form)
     for part in (*looked, test):
         if (deed := next(filter(is_acting, walk(part)), None)) is not None:
             what = "test" if part is test else "cost"
             checker.error(f"the {what} of {name} @@ does something: robots that are not chosen do it too", deed.form)
-    least, most = counts[0] if name == "QUORUM" else 1, counts[-1]
     bid, obey = (show(List((_WHEN, rest[0], each))) for each in (cost, rest[1]))
     joins = tuple(label_of(part).casefold() for part in walk(command) if part.op == "act" and part.name == "join")
     storing = (part.data for part in walk(command) if isinstance(part.data, Storing) and part.data.activate)
     rules = tuple((each.key, show(each.form)) for each in storing)
-    auction = Auction(name, least, most, bid, obey, *times, joins, rules)
-    chosen = Part("auction", form, (*looked, command), name=name, data=auction)
+    whole = auction._replace(bid=bid, command=obey, joins=joins, rules=rules)
+    chosen = Part("auction", form, (*looked, command), name=name, data=whole)
     return Part("cond", form, (Part("clause", form, (test, chosen)),))
+
+
+def _wanted(checker: Checker, form: List) -> Auction:
+    """How many robots are wanted by a BEST or QUORUM, and the times behind its command."""
+    name = (form.head or "").upper()
+    counts = [_chosen(checker, name, each) for each in form.items[1 : 2 if name == "BEST" else 3]]
+    if counts[0] > counts[-1]:
+        checker.error(f"at least {counts[0]} and at most {counts[-1]} robots @@: none can be both", form)
+    least = counts[0] if name == "QUORUM" else 1
+    return Auction(name, least, counts[-1], "", "", *_times(checker, name, form.items[5:]), (), ())
 
 
 _WHEN, _NO_COST = Symbol("WHEN"), Number(0.0)
@@ -551,20 +557,36 @@ def _tell(checker: Checker, form: List) -> Part:
     if head != QUOTE:
         _collect_unquoted(checker, template, unquoted)
     hops = _hops(checker, form)
-    if (inside := _choosing(checker, template)) is not None:
-        checker.error("a TELL carries no BEST or QUORUM @@: only a desk collects bids", inside)
+    auction = _told_auction(checker, template)
     if (rank := ranked(template)) is not None:
         checker.error(f"a TELL @@ cannot give a rule a {PRIORITY}: only a commander can", rank)
     parts = checker.parts(tuple(unquoted))
     # Robots that hear it may keep the same under these names: a rule must not come to tell itself for ever.
     checker.uses |= _entered(template)
-    return Part("act", form, parts, name="tell", data=Template(template, tuple(unquoted), hops))
+    return Part("act", form, parts, name="tell", data=Template(template, tuple(unquoted), hops, auction))
 
 
-def _choosing(checker: Checker, form: Form) -> Form | None:
-    """Where a told form has a BEST or QUORUM that is no name of people's own; None if it has none."""
-    lists = (each for each in walk_forms(form) if isinstance(each, List) and each.head in AUCTIONS)
-    return next((each for each in lists if checker.meaning(each.head or "") is None), None)
+def _told_auction(checker: Checker, told: Form) -> Auction | None:
+    """What a told form asks for that is a BEST or QUORUM; an error if it has one inside. Names of people's own are
+    none."""
+    lists = (each for each in walk_forms(told) if isinstance(each, List) and each.head in AUCTIONS)
+    found = [each for each in lists if checker.meaning(each.head or "") is None]
+    for each in found:
+        name = (each.head or "").upper()
+        if each is not told:
+            checker.error(f"{name} @@ is a whole command: a TELL can tell it, but nothing around it", each)
+        elif len(each.items) < _LEAST_ITEMS:
+            checker.error(f"{name} @@ is not complete: see (help {each.head})", each)
+        elif CHOOSING not in checker.names.vocabulary.forms:
+            checker.error(f"{name} @@ came after what these robots run", each)
+        else:
+            continue
+        return None
+    return _wanted(checker, told) if found and isinstance(told, List) else None
+
+
+_LEAST_ITEMS = 5
+"""The word, two numbers or a number and a cost, the test and the command."""
 
 
 def _hops(checker: Checker, form: List) -> int:

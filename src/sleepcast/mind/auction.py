@@ -49,6 +49,8 @@ GIVEN_AGAIN = 2.0
 """Seconds that it takes, even on a bad radio, to give a place to the next one."""
 USUALLY_GOOD, MOST_GOOD = 5.0, 30.0
 """Seconds for which polls are good unless it is said: at least, and for short leases at most."""
+TENTH = 0.1
+"""Seconds by which a robot's bids for one poll are apart at least."""
 FAREWELLS = 4
 """How often a robot says that it is out."""
 CLOSING = 2.0
@@ -146,7 +148,7 @@ def outlasting(lease: float) -> float:
 def good_for(auction: Auction) -> float:
     """Seconds for which its poll is good unless it is said: long enough that a place whose robot died before it obeyed
     is given once more, or as long as any command where nobody would wait so long for a lease."""
-    again = auction.window + auction.lease * (1.0 + DRIFT) + LATE + GIVEN_AGAIN
+    again = auction.window + outlasting(auction.lease) + GIVEN_AGAIN
     return max(again, USUALLY_GOOD) if again <= MOST_GOOD else USUALLY_GOOD
 
 
@@ -202,8 +204,9 @@ class Bid(msgspec.Struct):
     def __post_init__(self) -> None:
         if self.beat < 0:
             chance = crc32(f"{self.name} {self.poll} {self.began!r}".encode())
-            # Of two robots of one name, a grant means the one whose beats it names.
-            self.beat, self.heard = chance, self.began
+            # Of two robots of one name, a grant means the one whose beats it names. If a poll is told again and again,
+            # what a robot bids later has greater ones.
+            self.beat, self.heard = (int(self.began / TENTH) % 2**31 << 32) + chance, self.began
             self.next = self.began + chance / 2**32 * min(self.spread, self.auction.window / 2)
 
     def hear(self, grants: GrantMessage, sequence: int, now: float) -> bool:
@@ -405,12 +408,13 @@ class Auctioneer(msgspec.Struct):
         if said.phase is BidPhase.OUT:
             self._part_with(name, life, said.beat, now)
             return
-        known = self.bids.get(name)
+        known, confirmed = self.bids.get(name), said.phase is BidPhase.MEMBER
+        if confirmed and name not in self.places and self.returned == -inf:
+            return  # it is one by what this caller does not know of: a life before this one
         cost = said.cost if known is None or self.is_told else known.cost
         self.bids[name] = HeardBid(cost, life, said.beat, now)
         robot = self.known.get(name, KnownRobot(cost, now))._replace(cost=cost)
-        confirmed = said.phase is BidPhase.MEMBER
-        if name in self.places or (confirmed and self.returned > -inf):
+        if name in self.places or confirmed:
             if confirmed:
                 robot = robot._replace(chosen=min(robot.chosen, now), obeyed=min(robot.obeyed, now))
             self.places[name] = TakenPlace(said.beat, self._outlasting(now), confirmed)
@@ -428,6 +432,10 @@ class Auctioneer(msgspec.Struct):
     def renew(self, auction: Auction, until: float) -> None:
         """The robot tells it again."""
         self.auction, self.until = auction, until
+
+    def hush(self) -> None:
+        """The robot is stopped, and tells it no more."""
+        self.until = -inf
 
     def step(self, now: float) -> GrantMessage | None:
         """Do what is due; what to say to all robots now, if anything."""

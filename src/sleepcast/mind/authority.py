@@ -37,6 +37,7 @@ import msgspec
 
 from sleepcast.channel.clock_sync import differs
 from sleepcast.channel.message import (
+    AUCTION,
     DO,
     DRIVER,
     ENDS,
@@ -302,7 +303,7 @@ class Tells(StrEnum):
 
 
 NO_TOLD_PRIORITY = f"no TELL gives a rule a {PRIORITY}: only a commander can"
-NO_TOLD_AUCTION = "BEST and QUORUM are sent once, by a desk: nobody else collects bids"
+NO_CALLER = "BEST and QUORUM are sent once, by a desk, or told by a robot that collects bids: nobody does so here"
 NO_TELLS = "this robot obeys no TELL (--tells none)"
 """Why it does nothing of what another robot tells."""
 NO_MOTION = "a TELL does not act on the body of this robot (--tells marks)"
@@ -374,8 +375,9 @@ def objection(message: Message, program: Program, tells: Tells) -> str:
         return NO_TELLS
     if _is_told(message) and _ranks(program):
         return NO_TOLD_PRIORITY
-    if (message.standing or _is_told(message)) and auction_of(program.root) is not None:
-        return NO_TOLD_AUCTION
+    called = not message.standing and (AUCTION in message.body or not _is_told(message))
+    if not called and auction_of(program.root) is not None:
+        return NO_CALLER
     if message.kind is not Kind.COMMAND or message.role in ("", Role.COMMANDER) or not rules(program.root):
         return ""
     return f"only a commander's key may change rules, and that of {message.sender} is of role {message.role}"

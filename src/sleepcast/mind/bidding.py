@@ -269,10 +269,12 @@ def is_told(message: Message) -> bool:
 
 
 def poll_of(message: Message) -> tuple[str, int, int]:
-    """What a poll is known by: its caller, his epoch, and its number: that of the message, unless it is told."""
+    """What a poll is known by: its caller, his epoch, and its number. Of what a robot tells again and again, the number
+    is that of the TELL, and the epoch 0, since minds do not know in which life they speak."""
     number = message.body.get(AUCTION)
-    told = is_told(message) and isinstance(number, int) and 0 <= number <= MAX_NUMBER
-    return message.sender, message.epoch, number if told and isinstance(number, int) else message.sequence
+    if is_told(message) and isinstance(number, int) and 0 <= number <= MAX_NUMBER:
+        return message.sender, 0, number
+    return message.sender, message.epoch, message.sequence
 
 
 def bid_of(outcome: EvaluatedCommand) -> EvaluatedCommand:

@@ -49,6 +49,9 @@ TELLS_A_SECOND = 2.0
 """Tells of one robot per second in the long run: a thousand robots share one radio."""
 TELL_BURST = 8
 """Tells that a robot may send at once after a pause."""
+MAX_CALLS = 8
+"""Auctions that one robot calls by TELL at once: as many as another robot bids for of one caller."""
+TOO_MANY_CALLS = f"it collects bids for {MAX_CALLS} TELLs at once: no more"
 TELLS_TOO_OFTEN = f"tells too often: more than {TELLS_A_SECOND:g} a second are dropped"
 TELLS_TOO_FAR = "did not tell on what came by its last hop"
 """Reported when a robot refuses to tell something, only once until it has been below its rate again."""

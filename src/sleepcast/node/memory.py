@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from math import inf, nan
+from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 from sleepcast.core.errors import SleepcastError
@@ -16,7 +17,18 @@ from sleepcast.core.records import dataclass
 from sleepcast.language.acts import FLAGS
 from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.numerics import draw, stream
-from sleepcast.language.parts import Defining, Label, Part, Storing, Template, host_of, label_of, sensor_of, written
+from sleepcast.language.parts import (
+    Auction,
+    Defining,
+    Label,
+    Part,
+    Storing,
+    Template,
+    host_of,
+    label_of,
+    sensor_of,
+    written,
+)
 from sleepcast.language.program import Library, Program
 from sleepcast.language.reader import MAX_TEXT, Form, Number, show
 from sleepcast.language.rehearsal import Answer, NotedFault, Rehearsal
@@ -35,7 +47,7 @@ from sleepcast.language.vocabulary import (
 )
 from sleepcast.mind import rules
 from sleepcast.mind.inspection import Self
-from sleepcast.mind.limits import MAX_FAULTS, PROVEN_TICKS
+from sleepcast.mind.limits import MAX_FAULTS, PROVEN_TICKS, TOO_MANY_CALLS
 from sleepcast.mind.merging import Merging
 from sleepcast.mind.rules import (
     UNKNOWN_CASTE,
@@ -56,6 +68,9 @@ from sleepcast.mind.views import Fault
 from sleepcast.node.linking import VariableTable
 from sleepcast.node.scheduler import RuleRecords, RuleSet
 
+if TYPE_CHECKING:
+    from sleepcast.mind.calling import Calls
+
 
 @dataclass(slots=True)
 class OutputPort:
@@ -63,8 +78,10 @@ class OutputPort:
 
     report: Callable[[str, tuple[float, ...]], None]
     may_tell: Callable[[int], bool]
-    tell: Callable[[str, int], None]
+    tell: Callable[[str, int, int | None], None]
     ping: Callable[[float], None]
+    calls: Callable[[], Calls | None]
+    """Of auctions that it tells; None while it is stopped."""
 
 
 class RobotMemory:
@@ -409,12 +426,30 @@ def _tell(memory: RobotMemory, part: Part, *arguments: float) -> float:
         return memory.refuse(part, UNKNOWN_TOLD)
     if not isinstance(part.data, Template):
         raise TypeError(f"a part of op {part.op} tells nothing")
+    if part.data.auction is not None:
+        return _call(memory, part, part.data, part.data.auction, arguments)
     hops = min(part.data.hops, memory.hops)
     if memory.output.may_tell(hops):  # first: only what is sent needs a text
         text = part.data.text(arguments)
         if len(text) > MAX_TEXT:
             return memory.refuse(part, too_long(text))
-        memory.output.tell(text, hops)
+        memory.output.tell(text, hops, None)
+    return 1.0
+
+
+def _call(memory: RobotMemory, part: Part, told: Template, auction: Auction, arguments: tuple[float, ...]) -> float:
+    """Tell the poll of an auction, if it was not told a moment ago; the auction goes on in any case."""
+    calls, number, hops = memory.output.calls(), told.number, min(told.hops, memory.hops)
+    if calls is None or calls.renew(auction, number, memory.time):
+        return 1.0
+    if not calls.has_room(number):
+        return memory.refuse(part, TOO_MANY_CALLS)
+    if memory.output.may_tell(hops):
+        text = told.text(arguments)
+        if len(text) > MAX_TEXT:
+            return memory.refuse(part, too_long(text))
+        memory.output.tell(text, hops, number)
+        calls.begin(auction, number, memory.time)
     return 1.0
 
 

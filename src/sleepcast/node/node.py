@@ -9,14 +9,12 @@ they are received.
 from __future__ import annotations
 
 from collections import OrderedDict, deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from math import inf, isnan, nan
 from typing import TYPE_CHECKING
 
 from sleepcast.channel.message import (
-    DRIVER,
     HELD,
     HOPS,
     KEYS,
@@ -30,6 +28,7 @@ from sleepcast.channel.message import (
     answer_body,
     hops_left,
     is_addressed,
+    relay_body,
 )
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
@@ -73,7 +72,7 @@ from sleepcast.mind.limits import (
     TELLS_TOO_OFTEN,
 )
 from sleepcast.mind.merging import enqueue, place_of
-from sleepcast.mind.rules import Rule, in_order
+from sleepcast.mind.rules import in_order
 from sleepcast.mind.telemetry import Motion, motion_of
 from sleepcast.mind.views import EvaluatedCommand, Result, RuleView
 from sleepcast.node.linking import VariableTable
@@ -82,7 +81,8 @@ from sleepcast.node.scheduler import RuleRecord, Scheduler
 from sleepcast.robot import Failsafe, RestSensing, Robot
 
 if TYPE_CHECKING:
-    from sleepcast.mind.bidding import Bidding
+    from sleepcast.mind.calling import Calls
+    from sleepcast.node.auctions import NodeAuctions
 
 MAX_RECOLLECTIONS = 64
 """Evaluations of messages that a robot can still explain."""
@@ -146,7 +146,7 @@ class Node:
         self.budget: EvaluationBudget | None = None
         self._memory = RobotMemory(
             table,
-            OutputPort(self._report, self._may_tell, self._tell, self._ping),
+            OutputPort(self._report, self._may_tell, self._tell, self._ping, self._calls),
             number=number,
             seed=seed,
             body=self.body,
@@ -154,8 +154,10 @@ class Node:
         self._driving, self._lease = Driving(), lease
         self._speaks_for = ""
         """The operator for whom the message is evaluated that is evaluated now, "" for none."""
-        self.bidding: Bidding | None = None
+        self.auctions: NodeAuctions | None = None
         """Of commands that choose among robots, once there was one."""
+        self.began = -inf
+        """When this life began, s, where there may have been one before."""
         self._scheduler = Scheduler(self._memory.records, self._run_rule)
         self._queue: deque[Message] = deque()
         self._seen: OrderedDict[str, None] = OrderedDict()
@@ -201,7 +203,7 @@ class Node:
     @property
     def awake(self) -> bool:
         """Whether the next tick has anything to do: a message, a bid, active rules, or a driven body."""
-        bids = self.bidding is not None and self.bidding.is_busy
+        bids = self.auctions is not None and self.auctions.is_busy
         return bool(self._queue) or bool(self._memory.records.running) or self.driven or bids
 
     @property
@@ -269,8 +271,8 @@ class Node:
         """Receive a message from the channel: STOP and RELEASE take effect at once, commands and questions are
         queued."""
         if message.kind is Kind.REQUEST:  # which is no sign that somebody drives
-            if self.bidding is not None and not message.ahead:
-                self.bidding.hear(message)
+            if self.auctions is not None:
+                self.auctions.hear(message)
             return
         if message.id in self._seen:
             return
@@ -309,7 +311,7 @@ class Node:
         waiting = sum(each.kind is Kind.ASK and each.sender == message.sender for each in self._queue)
         if waiting < MAX_QUESTIONS:
             return False
-        self._say(Kind.ANSWER, body=answer_body(message.id, "fault", nan, ASKS_TOO_MUCH))
+        self.say(Kind.ANSWER, body=answer_body(message.id, "fault", nan, ASKS_TOO_MUCH))
         return True
 
     def recall(self, ids: Iterable[str]) -> None:
@@ -331,11 +333,13 @@ class Node:
             self._let_go()
         for rule in memory.records.expire(now):
             self._report(f"lease of {rule.name} ended", ())
-        if self.bidding is not None:
-            self.bidding.end_left_over(self)
+        if self.began == -inf and self.clock is not None:
+            self.began = now
+        if self.auctions is not None:
+            self.auctions.end_left_over()
         self._obey_waiting(now)
-        if self.bidding is not None and self.bidding.is_busy:
-            self.bidding.tick(self, now)
+        if self.auctions is not None and self.auctions.is_busy:
+            self.auctions.tick(now)
         if memory.records.running and not (memory.values[SLEEPING] > 0 or memory.values[FROZEN] > 0):
             memory.moved = False
             self._scheduler.round()
@@ -390,7 +394,7 @@ class Node:
         for recollected in reversed(self._recollections):
             recollection = Recollection(*recollected)
             if command is None or recollection.command == command:
-                bid = None if self.bidding is None else self.bidding.standing(recollection.command)
+                bid = None if self.auctions is None else self.auctions.bidding.standing(recollection.command)
                 return with_bid(explain(recollection), bid)
         rule = self._memory.base.rules.get((command or "").casefold())
         if rule is not None:
@@ -435,8 +439,8 @@ class Node:
         if not self.authority.may_stop(message, self._now):
             self.answer(message, "fault", fault=ENDED)
             return
-        if self.bidding is not None:
-            self.bidding.stop()
+        if self.auctions is not None:
+            self.auctions.stop()
         fault = ""
         try:
             self.halt()
@@ -552,7 +556,7 @@ class Node:
             self.answer(message, outcome, fault=fault)
             return
         try:
-            program = self._program(message.text, asked=message.kind is Kind.ASK)
+            program = self.program(message.text, asked=message.kind is Kind.ASK)
         except SleepcastError as error:
             self.answer(message, "fault", fault=str(error).splitlines()[0])
             return
@@ -567,15 +571,12 @@ class Node:
             self.answer(message, "answer", answer.value, "; ".join(answer.faults), details)
             return
         if (auction := auction_of(program.root)) is not None:
-            from sleepcast.mind.bidding import Bidding  # most robots are never asked
-
-            self.bidding = self.bidding or Bidding()
-            self.bidding.poll(self, message, auction, now)
+            self.auctioning().poll(message, auction, now)
             return
-        outcome, value, fault = self._judge(program, message, now)
+        outcome, value, fault = self.judge(program, message, now)
         self.answer(message, outcome, value, fault)
 
-    def _judge(self, program: Program, message: Message, now: float) -> EvaluatedCommand:
+    def judge(self, program: Program, message: Message, now: float) -> EvaluatedCommand:
         """Evaluate a command, or what stands for it."""
         memory = self._memory
         answered = HOPS not in message.body  # nobody counts what becomes of what robots tell each other
@@ -599,40 +600,26 @@ class Node:
         memory.base.merging.begin(None)
         return value
 
-    # ---- for its bids, see `bidding`
+    # ---- for its auctions, see `auctions`
 
-    @property
-    def rules_by_key(self) -> Mapping[str, Rule]:
-        return self._memory.base.rules
+    def auctioning(self) -> NodeAuctions:
+        """Its auctions, from now on."""
+        from sleepcast.node.auctions import NodeAuctions  # most robots are never asked
 
-    @property
-    def is_held_still(self) -> bool:
-        return self.stopped or self.catching_up
+        self.auctions = self.auctions or NodeAuctions(self)
+        return self.auctions
 
-    def _program(self, text: str, *, asked: bool = False) -> Program:
+    def _calls(self) -> Calls | None:
+        if self.stopped:
+            return None
+        calls = self.auctioning().calls
+        calls.since = self.began
+        return calls
+
+    def program(self, text: str, *, asked: bool = False) -> Program:
         """asked: whether it is a question. Raises SleepcastError for a text that this robot cannot run."""
         memory = self._memory
         return memory.library.program(text, lambda: [read(text)], memory.base, asked=asked)
-
-    def objection(self, message: Message, text: str, now: float) -> str:
-        try:
-            return self.authority.objection(message, self._program(text), self.groups, now)
-        except SleepcastError as error:
-            return str(error).splitlines()[0]
-
-    def outcome_of(self, message: Message, text: str, now: float) -> EvaluatedCommand:
-        try:
-            return self._judge(self._program(text), message, now)
-        except SleepcastError as error:
-            return EvaluatedCommand("fault", nan, str(error).splitlines()[0])
-
-    def end(self, text: str) -> None:
-        self._memory.faults = []
-        with suppress(SleepcastError):  # it means nothing any more
-            evaluate(self._program(text), self._memory)
-
-    def say_bid(self, body: dict[str, object]) -> None:
-        self._say(Kind.REQUEST, body=body)
 
     def interrupted(self, message: Message) -> None:
         """Answer a message whose evaluation began before a restart: it is not repeated."""
@@ -640,7 +627,8 @@ class Node:
 
     # ---- output
 
-    def _say(self, kind: Kind, *, text: str = "", deadline: float = inf, body: dict[str, object] | None = None) -> None:
+    def say(self, kind: Kind, *, text: str = "", deadline: float = inf, body: dict[str, object] | None = None) -> None:
+        """Put a message into the outbox."""
         if len(self.outbox) >= MAX_OUTBOX:
             self.lost += 1
             return
@@ -652,7 +640,7 @@ class Node:
     def answer(
         self, message: Message, outcome: str, value: float = nan, fault: str = "", details: Details = NOTHING
     ) -> None:
-        self._say(Kind.ANSWER, body={**answer_body(message.id, outcome, value, fault), **details})
+        self.say(Kind.ANSWER, body={**answer_body(message.id, outcome, value, fault), **details})
         self.evaluated.append((message, outcome, self._now if self.clock is None else self.clock.now() - self.zero))
 
     def _report(self, label: str, values: tuple[float, ...], details: Details = NOTHING) -> None:
@@ -666,7 +654,7 @@ class Node:
             self.lost += 1
             return
         known = [None if isnan(v) else v for v in values]
-        self._say(Kind.REPORT, body={"label": label, "values": known, **details})
+        self.say(Kind.REPORT, body={"label": label, "values": known, **details})
 
     def remark(self, text: str) -> None:
         """Report something that no expression has asked for."""
@@ -686,10 +674,10 @@ class Node:
         self._telling_until = begin + 1.0 / TELLS_A_SECOND
         return True
 
-    def _tell(self, text: str, hops: int) -> None:
+    def _tell(self, text: str, hops: int, auction: int | None) -> None:
         driver = (self._speaks_for or self._driving.driver) if self._on_air else ""
-        body: dict[str, object] = {HOPS: hops, DRIVER: driver} if driver else {HOPS: hops}
-        self._say(Kind.COMMAND, text=text, deadline=self._now + TELL_SECONDS, body=body)
+        body = relay_body(hops, driver, auction)
+        self.say(Kind.COMMAND, text=text, deadline=self._now + TELL_SECONDS, body=body)
 
     def _ping(self, caste: float) -> None:
         if len(self.pings) < MAX_OUTBOX:

@@ -14,7 +14,6 @@ from sleepcast.language.program import Program
 from sleepcast.language.reader import read_all
 from sleepcast.language.symbols import Group, Operator, Stored, UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, buffer_number
-from sleepcast.mind.bidding import Bidding
 from sleepcast.mind.limits import FAILED, PROVEN_TICKS
 from sleepcast.mind.rules import Rule
 from sleepcast.mind.state import MindState, OperatorState, RuleState
@@ -49,7 +48,7 @@ def mind_of(node: Node) -> MindState:
         None if failed else min(memory.tick - memory.unproven_since, PROVEN_TICKS),
         memory.base.merging.state(),
         node.doubt,
-        () if node.bidding is None else node.bidding.endings(node.rules_by_key),
+        _endings(node),
     )
 
 
@@ -64,7 +63,7 @@ def fingerprint(node: Node) -> tuple[object, ...]:
         *(
             node.stopped,
             node.doubt,
-            () if node.bidding is None else node.bidding.endings(node.rules_by_key),
+            _endings(node),
             repr(node.authority.state(0.0)),
             proven,
             memory.records.version,
@@ -76,6 +75,11 @@ def fingerprint(node: Node) -> tuple[object, ...]:
     )
 
 
+def _endings(node: Node) -> tuple[str, ...]:
+    """The texts that end what it is a member by."""
+    return () if node.auctions is None else node.auctions.bidding.endings(node.memory.base.rules)
+
+
 def restore(state: MindState, node: Node, away: float) -> list[str]:
     """Restore a state into a robot that has learned nothing yet; a STOP stays in force. away: seconds that have passed
     meanwhile, for leases. Returns sentences that say what could not be restored and why. Raises SerialError for an
@@ -84,8 +88,7 @@ def restore(state: MindState, node: Node, away: float) -> list[str]:
         lost = _put_back(state, node.memory, away)
         node.authority.restore(state.authority, node.memory.time - away)
         if state.endings:
-            node.bidding = Bidding()
-            node.bidding.restore(state.endings)
+            node.auctioning().bidding.restore(state.endings)
     except UNFIT as error:
         raise SerialError(f"no mind can be made of this: {type(error).__name__}: {error}") from None
     return lost + stand(node, state.doubt) if state.stopped else lost

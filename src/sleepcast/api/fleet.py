@@ -216,8 +216,15 @@ class SimulatedFleet(Fleet):
     # ---- what is so now
 
     @property
+    def _there(self) -> NDArray[np.bool_] | slice:
+        """The rows with a robot, of the swarm's columns."""
+        present = self.swarm.fleet.state.present
+        return slice(None) if present is None else present
+
+    @property
     def names(self) -> Sequence[str]:
-        return self.swarm.simulator.names
+        names = self.swarm.simulator.names
+        return names if self.swarm.simulator.population is None else tuple(filter(None, names))
 
     @property
     def world(self) -> World:
@@ -226,15 +233,15 @@ class SimulatedFleet(Fleet):
 
     @property
     def x(self) -> NDArray[np.float64]:
-        return read_only(self.swarm.simulator.x.copy())
+        return read_only(self.swarm.simulator.x[self._there].copy())
 
     @property
     def y(self) -> NDArray[np.float64]:
-        return read_only(self.swarm.simulator.y.copy())
+        return read_only(self.swarm.simulator.y[self._there].copy())
 
     @property
     def heading(self) -> NDArray[np.float64]:
-        return read_only(self.swarm.simulator.bodies.heading.copy())
+        return read_only(self.swarm.simulator.bodies.heading[self._there].copy())
 
     def __getitem__(self, expression: str) -> NDArray[np.float64]:
         """See `Fleet`: no radio is needed, and nothing changes."""
@@ -258,16 +265,16 @@ class SimulatedFleet(Fleet):
         return checked
 
     def _values(self, expression: str) -> NDArray[np.float64]:
-        return read_only(self.swarm.values_of(expression))
+        return read_only(self.swarm.values_of(expression)[self._there])
 
     def _members(self) -> dict[str, tuple[str, ...]]:
-        names = np.array(self.names)
+        names = np.array(self.swarm.simulator.names)
         groups = {key: tuple(names[members].tolist()) for key, members in self.swarm.fleet.groups.items()}
         return {key: members for key, members in sorted(groups.items()) if members}
 
     @property
     def stopped(self) -> NDArray[np.bool_]:
-        return read_only(self.swarm.fleet.stopped.copy())
+        return read_only(self.swarm.fleet.stopped[self._there].copy())
 
     @property
     def hash(self) -> str:
@@ -296,7 +303,7 @@ class SimulatedFleet(Fleet):
         return history
 
     def _sample(self, history: History) -> None:
-        history.take(self.time, np.array([self._values(each) for each in history.expressions]))
+        history.take(self.time, np.array([self._values(each) for each in history.expressions]), self.names)
 
     # ---- kept, forked, closed
 

@@ -13,7 +13,7 @@ radio has a rate, a `TransmitQueue` says when each transmitter gets to a message
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict
 from math import inf
 
@@ -84,6 +84,12 @@ class CopyChance:
     def drawn(self, *what: object) -> NDArray[np.float64]:
         """A number from [0, 1) for each copy, uniformly distributed."""
         return uniform(self.keys(what), self.receivers.astype(np.uint64))
+
+
+def _without(copies: InFlight, robots: Numbers) -> InFlight | None:
+    """The copies that do not go to these robots; None if all do."""
+    kept = ~np.isin(copies.receivers, robots)
+    return copies if kept.all() else copies.take(kept) if kept.any() else None
 
 
 def single(heard: Iterable[Message | MessageBatch]) -> Iterable[Message]:
@@ -227,6 +233,8 @@ class Radio:
     desks: how many operators listen
     between: how many walls lie between parties now; without it walls do not count
     party: the number of a party by its name. What a robot bids goes to its caller alone: nobody else takes it in
+    numbers: of the robots, below 0 for rows of `x` and `y` without one; read whenever something is sent, never copied.
+        None where each robot has its row's. Chance goes by them.
     """
 
     def __init__(
@@ -241,7 +249,9 @@ class Radio:
         desks: int = 1,
         between: Between | None = None,
         party: Callable[[str], int] = lambda name: OPERATOR,
+        numbers: NDArray[np.integer] | None = None,
     ) -> None:
+        self._numbers = numbers
         self.desks = np.arange(OPERATOR, OPERATOR - desks, -1, dtype=np.int64)
         """The operators' numbers."""
         self.model = model
@@ -279,10 +289,12 @@ class Radio:
         self.counts.sent += len(meant)
         self.counts.out_of_reach += len(meant) - len(reached)
         repeat = self._repeat(transmitter, message, now)
-        chance = (self._seed, transmitter, message.id, message.kind.value, now, repeat)
-        first = (transmitter, message.epoch, message.sequence, repeat)
+        sender = int(self._numbered(np.array([transmitter]))[0])
+        chance = (self._seed, sender, message.id, message.kind.value, now, repeat)
+        first = (sender, message.epoch, message.sequence, repeat)
         copies = InFlight((*first, 0), message, reached, begin)
-        self._send_copies(copies, CopyChance(lambda what: key(*chance, *what), reached))
+        fate = CopyChance(lambda what: key(*chance, *what), self._numbered(reached))
+        self._send_copies(copies, fate)
 
     def send_all(self, batch: MessageBatch) -> None:
         """Send a batch; each message is lost or delayed exactly as if it were sent alone."""
@@ -308,13 +320,34 @@ class Radio:
     def _send_up(self, batch: MessageBatch, begin: Seconds | float, number: np.int64) -> None:
         """Send a batch to one operator, from `begin` on, s, of each message or of all."""
         operator = np.broadcast_to(number, len(batch))
-        order = (int(batch.robots[0]), batch.epoch, int(batch.sequences[0]), 0, 0)
+        order = (int(self._numbered(batch.robots[:1])[0]), batch.epoch, int(batch.sequences[0]), 0, 0)
         about = (batch.kind.value, self._clock.now(), 0)
         fate = CopyChance(
-            lambda what: np.array([key(self._seed, *each, *about, *what) for each in batch.ids()], np.uint64),
+            lambda what: np.array([key(self._seed, *each, *about, *what) for each in self._ids(batch)], np.uint64),
             operator,
         )
         self._send_copies(InFlight(order, batch, operator, begin), fate)
+
+    def _numbered(self, robots: Numbers) -> Numbers:
+        """The numbers of the robots in these rows; those of operators are their own."""
+        if self._numbers is None or (robots.size and robots[0] < 0):
+            return robots
+        return self._numbers[robots].astype(np.int64)
+
+    def _ids(self, batch: MessageBatch) -> Iterator[tuple[int, str]]:
+        """The number of each robot with the id of its message."""
+        if self._numbers is None:
+            return batch.ids()
+        return ((int(self._numbered(np.array([robot]))[0]), sent) for robot, sent in batch.ids())
+
+    def turn_over(self, changed: Numbers) -> None:
+        """Other robots, or none, are in these rows from now on: what was on the way there comes to nobody."""
+        self._waiting = [left for each in self._waiting if (left := _without(each, changed)) is not None]
+        self._on_the_way = sum(copies.size for copies in self._waiting)
+        kept = ((message, robots[~np.isin(robots, changed)]) for message, robots in self._heard)
+        self._heard = [(message, robots) for message, robots in kept if robots.size]
+        if self.transmit_queue:
+            self.transmit_queue.free[changed] = -np.inf
 
     def receive(self, number: int) -> list[Message]:
         """The messages of party `number` since its last call, in the order of arrival."""
@@ -359,9 +392,10 @@ class Radio:
     def samples(self) -> Numbers:
         """The robots from which a sample sent to the operator now would arrive."""
         near = self._near_operator()
-        robots = self._everybody() if near is None else np.flatnonzero(near)
+        robots = self._everybody()
+        robots = robots if near is None else robots[near[robots]]
         if self.model.loss:
-            drawn = uniform(key(self._seed, "sample", self._clock.now()), robots.astype(np.uint64))
+            drawn = uniform(key(self._seed, "sample", self._clock.now()), self._numbered(robots).astype(np.uint64))
             robots = robots[drawn >= self.model.loss]
         return robots
 
@@ -369,7 +403,7 @@ class Radio:
         """The intended receivers of a message, and those of them in reach."""
         if transmitter < 0:
             near, everybody = self._near_operator(), self._everybody()
-            return everybody, everybody if near is None else everybody[near]
+            return everybody, everybody if near is None else everybody[near[everybody]]
         meant = self._everybody() if message.kind not in TO_OPERATOR else self.desks
         match message.body.get(BID):
             case [str() as caller, *_]:
@@ -385,6 +419,8 @@ class Radio:
 
     def _everybody(self) -> Numbers:
         """All robots."""
+        if self._numbers is not None:
+            return np.flatnonzero(self._numbers >= 0)
         return np.arange(self._count, dtype=np.int64)
 
     def _near_operator(self) -> NDArray[np.bool_] | None:

@@ -341,6 +341,25 @@ class ValueColumns(Columns):
         for key, members in other.groups.items():
             self.group(key)[rows.index] = members[rows.index]
 
+    def copy_robots(self, robots: Index, into: Index) -> None:
+        """Give each robot of `into` all variables and groups of the one of `robots` in its place, but for what is
+        stored elsewhere."""
+        for slot in self.slots():
+            column = None if self._elsewhere(slot) else self._column(slot)
+            if column is not None:
+                column[into] = column[robots]
+        for members in self.groups.values():
+            members[into] = members[robots]
+
+    def forget_robots(self, robots: Index) -> None:
+        """These robots are in no group, and nothing is known of their variables."""
+        for slot in self.slots():
+            column = None if self._elsewhere(slot) else self._column(slot)
+            if column is not None:
+                column[robots] = nan
+        for members in self.groups.values():
+            members[robots] = False
+
     def slots(self) -> range:
         """Every slot that has ever been used."""
         return range(len(self._same))
@@ -489,6 +508,11 @@ class Shared(Generic[Value]):
             self.values = [self.values[number] for number in numbers.tolist()]
             self._number()
             self._used = len(self.values)
+
+    def copy(self, robots: Index, into: Index) -> None:
+        """Give each robot of `into` the value of the one of `robots` in its place."""
+        if self._column is not None:
+            self._column[into] = self._column[robots]
 
     @property
     def column(self) -> NDArray[np.int32]:

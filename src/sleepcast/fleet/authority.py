@@ -11,10 +11,21 @@ from collections.abc import Iterator
 import numpy as np
 
 from sleepcast.channel.message import Message
-from sleepcast.columns.values import Rows, Shared
+from sleepcast.columns.values import Index, Rows, Shared
 from sleepcast.fleet.state import FleetState
 from sleepcast.language.program import Program
-from sleepcast.mind.authority import Driving, Leases, Tells, driver_of, entered, is_sign, minds_leases, objection
+from sleepcast.mind.authority import (
+    Driving,
+    Leases,
+    Tells,
+    bars_population,
+    driver_of,
+    entered,
+    hatches,
+    is_sign,
+    minds_leases,
+    objection,
+)
 
 
 class FleetAuthority:
@@ -28,6 +39,8 @@ class FleetAuthority:
 
     def __init__(self, state: FleetState, *, tells: Tells, lease: float) -> None:
         self.tells, self.lease = tells, lease
+        self.tells_hatch = False
+        """Whether a TELL may have robots come and go."""
         self._state = state
         self._everybody = Rows.run(0, state.count)
         self.leases = Shared(state.count, Leases(), lambda leases: leases.held)
@@ -35,12 +48,24 @@ class FleetAuthority:
         self.doubts = Shared(state.count, "")
         self.catching_up = Shared(state.count, False)
 
+    def turn_over(self, parents: Index, children: Index, dead: Index) -> None:
+        """Children are under the leases, doubts and drivers of their parents, the dead under none."""
+        for shared in (self.leases, self.driving, self.doubts, self.catching_up):
+            shared.copy(parents, children)
+        gone = Rows.of(dead)
+        self.leases.set(gone, Leases())
+        self.driving.set(gone, Driving())
+        self.doubts.set(gone, "")
+        self.catching_up.set(gone, False)
+
     # ---- who commands
 
     def objections(self, message: Message, program: Program, rows: Rows, now: float) -> list[tuple[str, Rows]]:
         """Why a command is not to be evaluated on these robots, each reason with its robots; "" with those on which it
         may be."""
         refusal = objection(message, program, self.tells)
+        if not refusal and hatches(program):
+            refusal = bars_population(message, self.tells_hatch)
         if refusal or not minds_leases(message):
             return [(refusal, rows)]
         touched = entered(program)  # groups that robots enter or leave by it

@@ -115,6 +115,12 @@ class FleetBids:
         for calls in _at(self._calls, stopped):
             calls.stop()
 
+    def turn_over(self, changed: Index) -> None:
+        """Other robots, or none, are in these rows from now on, which have bid for nothing and choose nobody."""
+        for robot in changed.tolist() if self._of or self._calls else ():
+            self._of.pop(robot, None)
+            self._calls.pop(robot, None)
+
     def tick(self, rows: Rows, now: float) -> None:
         """Do what is due on these robots."""
         if not self._of and not self._calls:

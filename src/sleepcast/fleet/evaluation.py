@@ -351,6 +351,15 @@ class StatisticsTable:
             column = columns[key] = np.full(self._state.count, inf)
         return column
 
+    def turn_over(self, parents: Index, children: Index, dead: Index) -> None:
+        """Children begin with their parents' leases, and count anew; nothing is left of the dead."""
+        self.changes += 1
+        for tally in self._tallies.values():
+            tally.begin(Rows.of(np.sort(np.concatenate((children, dead)))))
+        for columns in (self.leases, self.proven_leases):
+            for column in columns.values():
+                column[children], column[dead] = column[parents], inf
+
     def lost_in_round(self, key: str, rows: Rows) -> Mask | None:
         """Which of the rows have lost this expression since the round began, None if none has."""
         lost = self.lost.get(key)

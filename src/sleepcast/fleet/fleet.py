@@ -377,7 +377,7 @@ class Fleet(Mapping[str, RobotView]):
         return RobotView(self, index)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self.names)
+        return filter(None, self.names)
 
     def at(self, index: int) -> RobotView:
         """The robot with this index."""

@@ -226,6 +226,16 @@ class FleetTelemetry(BulkTelemetry):
         for those in self._asked.values():
             those[rows.index] = True
 
+    def turn_over(self, changed: Index) -> None:
+        """Robots have come to these rows, or gone from there: nothing was told yet."""
+        self._then.forget_robots(changed)
+        self._stopped[changed] = False
+        there = np.ones(self._state.count, np.bool_)
+        there[changed] = False
+        self._last = self._last.take(there[self._last.index])
+        for those in self._asked.values():
+            those[changed] = False
+
     def moves(self) -> Moves | None:
         """What native code has to copy whenever all robots tell of themselves, see `ValueColumns.moves`; None if only
         `take` can do that."""
@@ -329,6 +339,7 @@ class LogEntry:
 
     minds: by number, as they were then
     proven, unproven_since: stored only if it may roll back
+    number: counts up from the first command of the fleet
     held: robots whose functions were refused then
     stopped: those that were stopped; each stored only if there were any
     """
@@ -345,6 +356,7 @@ class LogEntry:
     columns: dict[int, Column | float]
     groups: dict[str, Mask]
     stopped: Mask | None
+    number: int = 0
     hosts: list[HostResults] = field(default_factory=list)
 
     @property
@@ -395,6 +407,10 @@ class EvaluationLog:
         self.since: float | None = None
         """The time (s) of the snapshot that the fleet was resumed from: inputs of earlier commands are not
         available."""
+        self._following = 0
+        """The number of the next entry."""
+        self._first: NDArray[np.int64] | None = None
+        """The first entry that is of the robot in each row; None where robots do not come and go."""
         self._earlier: Callable[[], EvaluationLog] | None = None
         """What gives those of earlier commands, once somebody asks."""
 
@@ -430,7 +446,9 @@ class EvaluationLog:
             columns,
             {key: state.groups[key][rows.index].copy() for key in groups if key in state.groups},
             _marked(state.stopped, rows),
+            self._following,
         )
+        self._following += 1
         self._bytes += entry.bytes
         if len(self._entries) == MAX_ENTRIES:
             self._drop()
@@ -461,8 +479,15 @@ class EvaluationLog:
             self._bound()
         for entry in reversed(self._entries):
             if (command is None or entry.command == command) and entry.index_of(robot) is not None:
-                return entry
+                own = self._first is None or entry.number >= self._first[robot]
+                return entry if own else None
         return None
+
+    def turn_over(self, changed: Index) -> None:
+        """Other robots, or none, are in these rows from now on: earlier commands were not theirs."""
+        if self._first is None:
+            self._first = np.zeros(self._memory.state.count, np.int64)
+        self._first[changed] = self._following
 
     def limits(self) -> str:
         """Why a command may be missing here, as text for people."""

@@ -23,7 +23,7 @@ from sleepcast.fleet.messages import Outbox
 from sleepcast.fleet.native.kernels import Kernels
 from sleepcast.fleet.state import FleetState, Minds, draws
 from sleepcast.language.acts import FLAGS
-from sleepcast.language.functions import MAX_HOPS
+from sleepcast.language.functions import MAX_HOPS, POPULATION
 from sleepcast.language.parts import (
     Auction,
     Defining,
@@ -100,6 +100,8 @@ class FleetMemory(FleetEvaluation):
         """For whom these robots speak, "" for nobody."""
         self.calls: Callable[[int], Calls | None] = lambda robot: None
         """The auctions that a robot calls, None while it is stopped."""
+        self.childless = ""
+        """Why no robot comes or goes while robots evaluate what they do, "" if they may."""
         self.hops = MAX_HOPS
         """How many hops a TELL may travel: fewer while robots evaluate what another one has told them."""
 
@@ -248,6 +250,9 @@ class FleetMemory(FleetEvaluation):
         if unknown.any() and function.acts:
             self.state.dropped[rows.take(unknown).index] += 1
             self.refuse(part, rows.take(unknown), unknown_asked(function))
+        if self.childless and function.name.casefold() in POPULATION:
+            self.refuse(part, rows.take(~unknown), self.childless)
+            unknown = np.ones(rows.size, np.bool_)
         if function.acts:
             unknown = self._held_too(function, part, rows, unknown)
         known, columns = rows, arguments

@@ -173,6 +173,14 @@ class Outbox:
         self._deliver_all()
         return self._outboxes.setdefault(robot, [])
 
+    def turn_over(self, names: Sequence[str], changed: Index) -> None:
+        """Robots are called like this from now on; those that have come or gone have nothing to say."""
+        self.names = names
+        self._state.in_outbox[changed] = self._state.sequence[changed] = 0
+        for robot in changed.tolist() if self._outboxes or self._ping_lists else ():
+            self._outboxes.pop(robot, None)
+            self._ping_lists.pop(robot, None)
+
     def take(self) -> list[MessageBatch]:
         """Take the messages that are not in a robot's outbox yet."""
         taken, self._batches = self._batches, []
@@ -285,6 +293,19 @@ class Inbox:
         for before, those in self._queue:
             questions[those] += before.kind is Kind.ASK and before.sender == message.sender
         return full[questions[full] >= MAX_QUESTIONS]
+
+    def turn_over(self, parents: Index, children: Index, dead: Index) -> None:
+        """Nothing waits for children or for the dead; children have heard what their parents have."""
+        changed = np.zeros(self._count, np.bool_)
+        changed[children] = changed[dead] = True
+        left = ((message, robots[~changed[robots]]) for message, robots in self._queue)
+        self._queue = [(message, robots) for message, robots in left if robots.size]
+        self.waiting[changed] = 0
+        for bits in self._seen.values():
+            if bits is not None:
+                heard = (bits[parents >> 3] >> (parents & 7).astype(np.uint8)) & 1 == 1
+                bits &= ~self._bits(np.concatenate((children, dead)))
+                bits |= self._bits(children[heard])
 
     def has_room(self, robots: Index) -> Mask:
         """For which of the robots one more message may wait."""

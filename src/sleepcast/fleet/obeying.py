@@ -26,7 +26,7 @@ from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.parts import auction_of
 from sleepcast.language.program import Program
 from sleepcast.language.reader import read
-from sleepcast.mind.authority import bars, driver_of, outcome_of_keys
+from sleepcast.mind.authority import bars, bars_population, driver_of, outcome_of_keys
 from sleepcast.mind.inspection import Details, foretold
 from sleepcast.mind.merging import CommandOrder, comes_after, place_of
 
@@ -162,13 +162,14 @@ class Obeying:
             hops_left(message.body, message.role, MAX_HOPS),
             bars(message, self._authority.tells),
         )
+        memory.childless = bars_population(message, self._authority.tells_hatch)
         if self._on_air:
             self._merge(rows, place_of(message, self.zero))
             if driver:
                 memory.drivers = lambda some: [(driver, some)]
         answered = HOPS not in message.body  # nobody counts what becomes of what robots tell each other
         outcome = self.run(program, rows, message.id, answered=answered, watched=self._authority.moves(message))
-        memory.hops, memory.barred = MAX_HOPS, ""
+        memory.hops, memory.barred, memory.childless = MAX_HOPS, "", ""
         if self._on_air:
             self._merge(rows, None)
             memory.drivers = self._authority.drivers

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from math import nan
 
 import numpy as np
 
@@ -49,7 +50,7 @@ class FleetQuery:
 
     def __init__(self, text: str, state: FleetState, minds: Minds, bodies: Sequence[object | None]) -> None:
         self.turns = state.turns
-        self.rows = Rows.run(0, state.count)
+        self.rows = state.everybody()
         self._text, self._state, self._minds, self._bodies = text, state, minds, bodies
         self._pieces: list[tuple[Program, Rows, Mask | None]] = state.divide(self.rows, self._program)
         self._plain = len(self._pieces) == 1 and self.rows.size <= CHUNK and is_plain(self._pieces[0][0].root)
@@ -63,7 +64,8 @@ class FleetQuery:
         program, some, _ = self._pieces[0]
         if self._plain:  # it can do nothing but compute, and nobody asks for its steps and faults
             with np.errstate(all="ignore"):
-                return Plain(some, PresentColumns(self._state, now).read, no_local, no_fault).column(program.root), ""
+                values = Plain(some, PresentColumns(self._state, now).read, no_local, no_fault).column(program.root)
+            return self._of_all(values), ""
         memory = self._memory
         memory.state.now = now
         if len(self._pieces) == 1:
@@ -72,7 +74,15 @@ class FleetQuery:
             values = np.empty(self.rows.size)
             for program, some, mask in self._pieces:
                 values[mask] = evaluate(memory, program, some)
-        return values, memory.reasons[0] if memory.reasons else ""
+        return self._of_all(values), memory.reasons[0] if memory.reasons else ""
+
+    def _of_all(self, values: Column) -> Column:
+        """The values of the robots that are there, in a column with unknown ones for rows without a robot."""
+        if self._state.present is None:
+            return values
+        column = np.full(self._state.count, nan)
+        column[self.rows.index] = values
+        return column
 
     @cached_property
     def _memory(self) -> AskedMemory:

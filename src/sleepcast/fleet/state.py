@@ -41,6 +41,9 @@ class FleetState(ValueColumns):
         count = len(numbers)
         super().__init__(count, values_at_first(vocabulary))
         self._columns[ID] = np.array(numbers, dtype=np.float64)
+        self.seed = seed
+        self.present: Mask | None = None
+        """Which rows have a robot, where they come and go; None if all have. Changed in place by whoever knows."""
         self.keys = filled(0, np.uint64, count)
         self.keys[:] = streams(seed, np.array(numbers, dtype=np.int64))
         """The key of each robot's random stream."""
@@ -106,6 +109,10 @@ class FleetState(ValueColumns):
     def crowded(self) -> Mask:
         """Whether each robot has reported that it had more neighbours than a form goes through."""
         return np.zeros(self.count, np.bool_)
+
+    def everybody(self) -> Rows:
+        """The robots that are there."""
+        return Rows.run(0, self.count) if self.present is None else Rows.of(np.flatnonzero(self.present))
 
     def turn(self, rows: Rows, mind: int) -> None:
         """Give these robots a mind."""

@@ -323,7 +323,7 @@ class Checker:
             return self._builtin(form, WORDS[head.key])
         self.uses.add(head.key)
         if head.key in BODY_WORDS:
-            lacking = f"{head.text} @@ is a fault on these robots, which have no {BODY_WORDS[head.key]}"
+            lacking = f"{head.text} @@ is a fault on these robots, which {BODY_WORDS[head.key]}"
             self.warn(lacking, head, head.text)
         else:
             self.unknown("function", head)

@@ -443,9 +443,16 @@ OVER = frozenset({"sum-over", "mean-over", "min-over", "max-over", "count-over",
 EACH = "for-neighbours"
 ABOUT_NEIGHBOURS = OVER | {"of", EACH}
 """Words that came together, as `NEIGHBOURS`."""
-BODY_WORDS = {"scan-min": "laser scanner", "scan-gap": "laser scanner", "sees": "camera"}
-"""Functions of a robot's own software that came after 0.2.0, and what robots need to have them. Their names give way,
-as those of `WORDS` do."""
+POPULATION = frozenset({"hatch", "die"})
+"""Functions of robots that come and go."""
+BODY_WORDS = {
+    "scan-min": "have no laser scanner",
+    "scan-gap": "have no laser scanner",
+    "sees": "have no camera",
+    **dict.fromkeys(sorted(POPULATION), "neither hatch nor die"),
+}
+"""Functions of a robot's own software that came after 0.2.0, and what is true of robots without them. Their names give
+way, as those of `WORDS` do."""
 AUCTIONS = frozenset({"best", "quorum"})
 """Words that came together, as `CHOOSING`."""
 BUILT_IN = FUNCTIONS | WORDS

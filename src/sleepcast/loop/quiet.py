@@ -120,7 +120,7 @@ class QuietWorld:
     def block(self) -> BodyBlock | None:
         """The bodies for compiled code; None where there is none for all that they do."""
         simulator = self._swarm.simulator
-        if simulator.bodies.machine.name != "numba":
+        if simulator.bodies.machine.name != "numba" or simulator.population is not None:
             return None
         if simulator.pool.threads > 1 and len(self._swarm.fleet) > SHARED:
             return None

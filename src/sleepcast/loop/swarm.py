@@ -6,6 +6,7 @@
     sense    robots that have something to evaluate get their readings
     think    they evaluate it
     report   robots' messages are sent, the operator receives what is due, telemetry is sampled
+    turn     robots come and go, where the scenario lets them
 
 A robot without rules and messages costs nothing but its motion. Randomness comes from the seed, and time is the
 number of the tick, so a run repeats to the last bit at any speed.
@@ -26,7 +27,7 @@ from msgspec import structs
 from sleepcast.channel import Message
 from sleepcast.channel.desks import desk_of, sent_by
 from sleepcast.channel.message import LeaseAction, Role
-from sleepcast.channel.message_batch import MessageBatch
+from sleepcast.channel.message_batch import MessageBatch, NameIndex
 from sleepcast.channel.simulated_radio import OPERATOR, Radio
 from sleepcast.columns.values import Column, Index, Rows
 from sleepcast.core.clock import Clock
@@ -38,6 +39,7 @@ from sleepcast.core.units import NONE, UNITS
 from sleepcast.fleet import Fleet, RobotView
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.loop.mission import is_stopped_by_others, readable
+from sleepcast.loop.population import turn_over
 from sleepcast.loop.quiet import QuietWorld
 from sleepcast.mind.authority import Tells
 from sleepcast.mind.views import Result
@@ -124,6 +126,9 @@ class Desk(Protocol):
     def counts_latest(self) -> bool:
         """Whether it is enough to be told of the latest of several samples."""
 
+    def turn_over(self, names: NameIndex, children: Index, dead: Index) -> None:
+        """Robots have come to these rows, and others have gone. names: by their rows, "" for none."""
+
     def attend(self) -> None:
         """Called at every tick, or rarely while it has nothing to do."""
 
@@ -178,6 +183,7 @@ class Swarm:
         self.fleet = Fleet(
             simulator.names,
             self.vocabulary,
+            numbers=None if simulator.population is None else (simulator.population.numbers + 1).tolist(),
             seed=simulator.seed,
             pool=simulator.pool,
             bodies=simulator.robots,
@@ -200,12 +206,16 @@ class Swarm:
             desks=max(1, len(scenario.operators)),
             between=sight.count_between if scenario.radio.wall else sight.any_between,
             party=self.party_of,
+            numbers=None if simulator.population is None else simulator.population.numbers,
         )
+        if simulator.population is not None:
+            self.fleet.state.present = simulator.population.present
+            self.fleet.authority.tells_hatch = simulator.scenario.minds.tells_hatch
         self.operators = {operator.name: Role(operator.role) for operator in scenario.operators}
         """The role of each operator, the first one's first; empty where whoever sends may do anything."""
         self._numbers = {name: OPERATOR - index for index, name in enumerate(self.operators)}
         for rule in scenario.minds.locked:
-            self.fleet.install(rule.name, rule.text)
+            self.fleet.install(rule.name, rule.text, robots=self.fleet.state.everybody())
         self.actuators = tuple(actuator.name for actuator in simulator.model.actuators)
         self.sonars = same(frozenset(self.vocabulary.first_sensor + row for row in simulator.sonar_rows))
         """The slots of variables that are measured only on request."""
@@ -357,7 +367,7 @@ class Swarm:
 
 
 def step_swarm(swarm: Swarm) -> None:
-    """One tick of the whole swarm: act, advance, deliver, sense, think, report."""
+    """One tick of the whole swarm: act, advance, deliver, sense, think, report, turn."""
     for send_due in swarm.senders:
         send_due()
     for witness in swarm.witnesses:
@@ -368,6 +378,8 @@ def step_swarm(swarm: Swarm) -> None:
     _deliver(swarm)
     _think(swarm)
     _report(swarm)
+    if swarm.simulator.population is not None:
+        turn_over(swarm)
     swarm.whole = True
     for witness in swarm.witnesses:
         witness.ticked()

@@ -61,9 +61,11 @@ from sleepcast.core.errors import MisuseError, decimal_comma
 from sleepcast.core.quantities import QuantityError, in_si
 from sleepcast.core.records import NamedTuple
 from sleepcast.core.units import TIME
-from sleepcast.language.functions import PRIORITY
+from sleepcast.language.functions import POPULATION, PRIORITY
 from sleepcast.language.parts import auction_of, label_of, ranked, rules, walk
 from sleepcast.language.program import Program
+from sleepcast.language.reader import List
+from sleepcast.language.reader import walk as walk_forms
 
 MAX_LEASE = 3_600.0
 """Longest duration of a lease, s."""
@@ -291,6 +293,10 @@ def read_lease(text: str) -> float:
 # ---- authority
 
 
+NO_TOLD_HATCH = "no TELL lets robots come or go here (tells_hatch)"
+"""Why a robot that another one tells to HATCH or DIE does not."""
+
+
 class Tells(StrEnum):
     """What robots may have this one do by TELL, as its host says."""
 
@@ -397,6 +403,23 @@ def _ranks(program: Program) -> bool:
 def minds_leases(message: Message) -> bool:
     """Whether leases matter to a message: standing commands are the same on all robots, whatever their leases."""
     return message.kind is Kind.COMMAND and message.role in OPERATORS and not message.standing
+
+
+def bars_population(message: Message, tells_hatch: bool) -> str:
+    """Why whatever a message may be evaluated for is to let no robot come or go, "" if it may."""
+    return NO_TOLD_HATCH if _is_told(message) and not tells_hatch else ""
+
+
+_HATCHES: WeakKeyDictionary[Program, bool] = WeakKeyDictionary()
+
+
+def hatches(program: Program) -> bool:
+    """Whether a program has HATCH or DIE written in it, perhaps in a rule that it stores; looked up once."""
+    known = _HATCHES.get(program)
+    if known is None:
+        heads = (each.head for each in walk_forms(program.form) if isinstance(each, List))
+        known = _HATCHES[program] = not POPULATION.isdisjoint(heads)
+    return known
 
 
 def bars(message: Message, tells: Tells) -> str:

@@ -8,6 +8,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.channel.message_batch import NameIndex
 from sleepcast.core.counter_rng import GOLDEN, key
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.given_numbers import read_seed
@@ -16,6 +17,7 @@ from sleepcast.robot import RobotModel
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Flags, Floats, Mode, Saying, Whole
 from sleepcast.simulator.bodies.body import TUMBLE, Body, BodySenses, model_of
 from sleepcast.simulator.bodies.payload import Payload
+from sleepcast.simulator.bodies.population import Population, Turnover
 from sleepcast.simulator.bodies.proximity import Sonars
 from sleepcast.simulator.bodies.senses import Senses, functions_of
 from sleepcast.simulator.engine import Machine, choose, cores, keeps_kernels
@@ -24,6 +26,7 @@ from sleepcast.simulator.motion.driving import bounded
 from sleepcast.simulator.motion.steps import Displacement, Draws, Settled, clear
 from sleepcast.simulator.scenario.events import apply_events
 from sleepcast.simulator.scenario.measures import Measuring
+from sleepcast.simulator.scenario.population import NamesByRow, comes_and_goes, named_by_row, with_room
 from sleepcast.simulator.scenario.robot_settings import TENTH
 from sleepcast.simulator.scenario.robot_types import names_of
 from sleepcast.simulator.scenario.scenario import Scenario
@@ -67,7 +70,16 @@ class Simulator:
         self.payload = payload
         rings = scenario.robots.ring.count + 1 if scenario.robots.ring else 0
         known = None if model is None else model.sensors[: len(model.sensors) - rings]
-        self.bodies = Bodies(scenario, self.seed, machine, payload.sensors if payload else (), known)
+        added = payload.sensors if payload else ()
+        self.bodies = Bodies(scenario, self.seed, machine, added, known)
+        self.population: Population | None = None
+        """Which robots are there, where they come and go."""
+        if comes_and_goes(scenario):
+            if payload:
+                raise MisuseError(f"{scenario.name}: robots of classes of one's own do not come and go (hatch = true)")
+            roomy = with_room(scenario)
+            self.population = Population(scenario, roomy)
+            self.bodies = Bodies(roomy, self.seed, machine, added, known, self.population, self.bodies)
         self.world = self.bodies.world
         """The solid things; they may be changed between ticks."""
         self.senses = Senses(self.bodies)
@@ -75,11 +87,13 @@ class Simulator:
             functions = (*functions_of(scenario), *(payload.functions if payload else ()))
             model = model_of(scenario, self.bodies.sensors, functions, payload.actuators if payload else ())
         self.model = model
-        self.names = names_of(scenario.each_type, scenario.robots.count)
+        self.names: NameIndex = (
+            named_by_row(scenario) if self.population else names_of(scenario.each_type, self.bodies.count)
+        )
         self.robots = Robots(self.bodies, self.senses, self.model)
-        self._pinged = np.zeros(scenario.robots.count, np.uint8)
-        self.measuring = Measuring(scenario.measures, scenario.tick, self.bodies.x, self.bodies.y)
-        self._halted = np.zeros(scenario.robots.count, bool)
+        self._pinged = np.zeros(self.bodies.count, np.uint8)
+        self.measuring = Measuring(scenario.measures, scenario.tick, self.bodies.x, self.bodies.y, self._there)
+        self._halted = np.zeros(self.bodies.count, bool)
         """Which bodies were stopped when the payload saw them last."""
         if payload:
             payload.mount(self.bodies)
@@ -125,6 +139,21 @@ class Simulator:
             self.payload.read(self._payload_rows)
         if self.scenario.measures:
             self.measuring.observe(self.tick, self.time)
+
+    @property
+    def _there(self) -> Flags | None:
+        return self.population.present if self.population else None
+
+    def turn_over(self) -> Turnover | None:
+        """The end of a tick: robots come and go as they have asked; None if none does."""
+        turnover = self.population.settle() if self.population else None
+        if turnover is not None:
+            self.bodies.turn_over(turnover)
+            self.senses.turn_over(turnover)
+            self._pinged[turnover.dead] = 0
+            if isinstance(self.names, NamesByRow):
+                self.names = self.names.after(turnover.dead, turnover.children, turnover.numbers)
+        return turnover
 
     @property
     def _payload_rows(self) -> Floats:

@@ -5,8 +5,18 @@ import numpy as np  # noqa: F401 - first: deep down in imports of imports, its o
 from sleepcast.station.account import Account
 from sleepcast.station.journal.journal import Journal, JournalEntry, JournalEvent, MemoryJournal, Report
 from sleepcast.station.roster import UnknownRobotError
-from sleepcast.station.sent import FAULT, MATCHED, NOT_MATCHED, SILENT, Answer, Command, NoSuchCommandError, Outcome
-from sleepcast.station.station import NoExplanationError, Station
+from sleepcast.station.sent import (
+    FAULT,
+    MATCHED,
+    NOT_MATCHED,
+    SILENT,
+    Answer,
+    Command,
+    NoExplanationError,
+    NoSuchCommandError,
+    Outcome,
+)
+from sleepcast.station.station import Station
 from sleepcast.station.validation import (
     DEADLINE,
     NO,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from sleepcast.channel.message import MAX_NAME, RULE
@@ -32,6 +32,12 @@ class RuleFailures:
             return
         self.names[key] = name
         self.robots.setdefault(key, {})[place] = now
+
+    def forget(self, places: Iterable[int]) -> None:
+        """What robots at these places have reported does not count any more."""
+        for reported in self.robots.values():
+            for place in places:
+                reported.pop(place, None)
 
     def left(self, robots: Sequence[str], minds: Mapping[str, RemoteMind]) -> Iterator[tuple[str, list[int]]]:
         """The key of each rule that is still deactivated on any robot, and their places, ascending.

@@ -70,6 +70,8 @@ class Roster:
         self.names = names.copy() if isinstance(names, NameIndex) else NameIndex()
         self.heard: Seconds = np.full(len(self.names), -inf)
         self.reported: Seconds = np.full(len(self.names), -inf)
+        self._everybody = _named(names) if isinstance(names, NameIndex) and "" in names else None
+        self.size = self.size if self._everybody is None else len(self._everybody)
         if not isinstance(names, NameIndex):
             for name in names:
                 self.enrol(name)
@@ -81,6 +83,32 @@ class Roster:
     def nameless(self) -> int:
         """How many of the expected robots are not on the roster."""
         return max(0, self.size - len(self.names))
+
+    @property
+    def everybody(self) -> Index | None:
+        """The places of all robots, ascending; None where there is one at each place."""
+        return self._everybody
+
+    def asked(self, only: Index | None) -> Index | None:
+        """The places of those that are asked where only these are, or None for all: whoever comes later is not."""
+        return self._everybody if only is None else only
+
+    @property
+    def count(self) -> int:
+        """How many robots there are at these places."""
+        return len(self.names) if self._everybody is None else len(self._everybody)
+
+    def turn_over(self, names: NameIndex, changed: Index) -> None:
+        """Other robots, or none, are at these places, and nobody has heard them yet. names: by place, "" for none."""
+        self.names = names
+        self.heard[changed] = self.reported[changed] = -inf
+        self._everybody = _named(names)
+        self.size = len(self._everybody)
+
+    def by_name(self) -> dict[str, float | None]:
+        """When each robot was last heard, s, None for never."""
+        heard = zip(self.names, self.heard.tolist(), strict=False)
+        return {name: at if at > -inf else None for name, at in heard if name}
 
     def place(self, name: str) -> int:
         """The place of a robot. Raises UnknownRobotError."""
@@ -165,6 +193,11 @@ class RobotNames(Sequence[str]):
         if isinstance(at, slice):
             return tuple(self._names[place] for place in self.places[at].tolist())
         return self._names[int(self.places[at])]
+
+
+def _named(names: NameIndex) -> Index:
+    """The places at which there is a robot."""
+    return np.flatnonzero(np.fromiter((bool(name) for name in names), np.bool_, len(names)))
 
 
 def _longer(column: Seconds) -> Seconds:

@@ -19,7 +19,7 @@ from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import HELD, LOOK, UNKNOWN, lasts, outcome_of
 from sleepcast.channel.message_batch import AnswerColumns as Said
 from sleepcast.channel.message_batch import NameIndex, ascending
-from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean
 from sleepcast.core.serial import Array, SerialError, within
 from sleepcast.mind.auction import Auctioneer, validate_kept
 from sleepcast.mind.authority import StopMark, is_ended_by, mark_of
@@ -185,6 +185,7 @@ class Answers(Mapping[str, Answer]):
 
     def codes_at(self, time: float) -> NDArray[np.uint8]:
         """The same as they were known at a time, s."""
+        self.make_room()
         codes = self._outcome.copy()
         codes[: len(self._heard)][self._heard > time] = SILENT
         return codes
@@ -341,6 +342,14 @@ class Command:
         """The names of the robots that were expected to obey."""
         return frozenset(self.answers.names[place] for place in self.expected.tolist())
 
+    def turn_over(self, dead: Index) -> None:
+        """These robots are gone: whoever has not answered is not asked any more."""
+        asked = np.arange(self.addressed) if self.only is None else self.only
+        left = asked[~np.isin(asked, dead) | (self.answers.codes[asked] != SILENT)]
+        if len(left) < len(asked):
+            self.size = max(0, self.size - (len(asked) - len(left)))
+            self.only = left
+
     def extend(self) -> None:
         """It is for those as well that have come onto the roster since."""
         self.answers.make_room()
@@ -408,6 +417,10 @@ class NoSuchCommandError(MisuseError):
     def __init__(self, command: str, known: Iterable[str]) -> None:
         names = list(known)
         super().__init__(f'no command "{command}" was sent from this desk{did_you_mean(command, names)}')
+
+
+class NoExplanationError(SleepcastError):
+    """The robot cannot say why: it did not hear the command, or has forgotten how it went."""
 
 
 REPEAT_AFTER = 0.5
@@ -498,6 +511,11 @@ class SentCommands:
         most = max(1, min(MAX_COMMANDS, MAX_ANSWERS // max(1, roster)))
         while len(self._commands) > most:
             del self._commands[next(iter(self._commands))]
+
+    def turn_over(self, dead: Index) -> None:
+        """These robots are gone."""
+        for command in dict.fromkeys((*self.all(), *self._looks.values(), *([self.latch] if self.latch else ()))):
+            command.turn_over(dead)
 
     def go_back(self, time: float) -> None:
         """Forget what was answered after `time`, s, and what was sent from then on: a command is on the air only in the

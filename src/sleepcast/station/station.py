@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import ENDS, FOR, RULE, TELEMETRY, LeaseAction
-from sleepcast.channel.message_batch import AnswerColumns, MessageBatch
+from sleepcast.channel.message_batch import AnswerColumns, MessageBatch, NameIndex
 from sleepcast.columns.telemetry import BulkTelemetry, TelemetryTable, validate_reading
 from sleepcast.columns.values import Mask
 from sleepcast.core.clock import Clock
@@ -51,7 +51,7 @@ from sleepcast.station.prepared import (
 )
 from sleepcast.station.rest import motion_said
 from sleepcast.station.roster import CommandedTimes, Index, RobotNames, Roster
-from sleepcast.station.sent import Answer, Command, Outcome, SentCommands, answer_from
+from sleepcast.station.sent import Answer, Command, NoExplanationError, Outcome, SentCommands, answer_from
 from sleepcast.station.serialized import AccountState, ReportState, StationState
 from sleepcast.station.telemetry import ToldTelemetry
 from sleepcast.station.validation import (
@@ -75,10 +75,6 @@ MAX_REPORTS = 1_000
 """Latest reports that are stored for the page."""
 MANY = "robots"
 """The sender in the journal, for messages of one kind from many robots at once."""
-
-
-class NoExplanationError(SleepcastError):
-    """The robot cannot say why: it did not hear the command, or has forgotten how it went."""
 
 
 class Station:
@@ -153,8 +149,7 @@ class Station:
     def roster(self) -> dict[str, float | None]:
         """Every robot by name, with the time at which it was last heard (s of the desk's clock), None if never."""
         with self._lock:
-            heard = self._roster.heard.tolist()
-            return {name: at if at > -inf else None for name, at in zip(self._roster.names, heard, strict=False)}
+            return self._roster.by_name()
 
     @property
     def fleet_size(self) -> int:
@@ -164,7 +159,7 @@ class Station:
     @property
     def _size(self) -> int:
         """How many robots are on the roster or expected."""
-        return len(self._roster) + self._roster.nameless
+        return self._roster.count + self._roster.nameless
 
     def state(self) -> bytes:
         """Everything that it knows, except the telemetry of single robots. Raises SerialError for more than
@@ -195,6 +190,13 @@ class Station:
             self.reports.extend(Report(report.robot, report.heard, report.body) for report in parcel.reports)
             if isinstance(self.journal, MemoryJournal):
                 restore_journal(self.journal, desk.journal, self._roster.names)
+
+    def turn_over(self, names: NameIndex, children: Index, dead: Index) -> None:
+        """Robots have come to places of the roster, and others have gone: nothing was heard from there yet."""
+        with self._lock:
+            self._roster.turn_over(names, np.concatenate((children, dead)))
+            self._sent.turn_over(dead)
+            self.failures.forget((*children.tolist(), *dead.tolist()))
 
     def go_back(self, time: float) -> None:
         """Know what it knew at `time`, s of its clock, of the commands that it has: for a run that goes on from then.
@@ -477,7 +479,7 @@ class Station:
     ) -> Command:
         with self._lock:
             now = self._clock.now()
-            until, said = now + seconds, dict(body or {})
+            until, said, only = now + seconds, dict(body or {}), self._roster.asked(only)
             message = self._compose(kind, now, until, text, standing, dict(said))
             command = Command(message, self._roster.names, expected, now, only, self._roster.meant(only, FOR in said))
             urgent = kind in (Kind.STOP, Kind.RELEASE)
@@ -663,16 +665,13 @@ class Station:
     def is_held(self, robot: str, command: str) -> bool:
         """Whether this robot has answered a command by saying that STOP held it."""
         with self._lock:
-            answer = self._sent.answer(command, robot)
-        return answer is not None and answer.outcome is Outcome.HELD
+            return (answer := self._sent.answer(command, robot)) is not None and answer.outcome is Outcome.HELD
 
     def outcomes(self, command: str, time: float) -> NDArray[np.uint8]:
         """What the command with this id had come to at a time (s of the desk's clock) on each robot, by its place on
         the roster, as `answers.SILENT` and the others. Raises NoSuchCommandError."""
         with self._lock:
-            answers = self._sent.get(command).answers
-            answers.make_room()
-            return answers.codes_at(time)
+            return self._sent.get(command).answers.codes_at(time)
 
     def answers(self, command: str, robots: Sequence[str], time: float = inf) -> list[Answer | None]:
         """What each of these robots had answered to the command with this id by a time (s of the desk's clock), None

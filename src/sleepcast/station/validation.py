@@ -89,10 +89,12 @@ class Audience(NamedTuple):
         return body
 
     def places(self, roster: Roster) -> Index | None:
-        """The places of those on the roster that are meant, ascending; None for all. Raises UnknownRobotError."""
+        """The places of those on the roster that are meant, ascending; None for all there are. Raises
+        UnknownRobotError."""
         if self.only is None and self.but is None:
-            return None
-        listed = range(len(roster)) if self.only is None else map(roster.place, self.only)
+            return roster.everybody
+        everybody = range(len(roster)) if roster.everybody is None else roster.everybody.tolist()
+        listed = everybody if self.only is None else map(roster.place, self.only)
         return np.array(sorted(set(listed) - set(map(roster.place, self.but or ()))), np.intp)
 
 
@@ -335,14 +337,15 @@ STALE = "its last news is too old"
 COMMANDED = "it was commanded since its last news"
 
 
-NO, YES, UNKNOWN, UNDECIDED = range(4)
+NO, YES, UNKNOWN, UNDECIDED, NOBODY = range(5)
 
 
 class Preview(msgspec.Struct, frozen=True, eq=False, dict=True):
     """Who would obey: certainly (`yes`), certainly not (`no`), and of whom the desk cannot say (`unknown`), those among
     them whose test is itself unknown.
 
-    codes: NO, YES, UNKNOWN or, where the test is unknown, UNDECIDED of each robot by its place, uint8
+    codes: NO, YES, UNKNOWN or, where the test is unknown, UNDECIDED of each robot by its place, uint8; NOBODY at a
+        place without one
     reason: why a robot is unknown, uint8, which of `listed` from 1
     names: of the robots, by place
     everybody: the command has no test, or one that is true whatever the robot
@@ -369,8 +372,13 @@ class Preview(msgspec.Struct, frozen=True, eq=False, dict=True):
     def count(self, code: int) -> int:
         """How many robots there are of this code."""
         if code == UNKNOWN:
-            return int(np.count_nonzero(self.codes >= UNKNOWN)) + self.nameless
+            return int(np.count_nonzero(self._open)) + self.nameless
         return int(np.count_nonzero(self.codes == code))
+
+    @property
+    def _open(self) -> NDArray[np.bool_]:
+        """Of which robots the desk cannot say."""
+        return np.isin(self.codes, (UNKNOWN, UNDECIDED))
 
     @cached_property
     def yes(self) -> tuple[str, ...]:
@@ -385,13 +393,13 @@ class Preview(msgspec.Struct, frozen=True, eq=False, dict=True):
     @cached_property
     def unknown(self) -> Mapping[str, str]:
         """The robots of which the desk cannot say, each with the reason."""
-        places = np.flatnonzero(self.codes >= UNKNOWN).tolist()
+        places = np.flatnonzero(self._open).tolist()
         return {self.names[place]: self.listed[self.reason[place] - 1] for place in places}
 
     @property
     def reasons(self) -> dict[str, int]:
         """Why robots are unknown, and how many for each reason, the most frequent first."""
-        counts = np.bincount(self.reason[self.codes >= UNKNOWN], minlength=len(self.listed) + 1)[1:].tolist()
+        counts = np.bincount(self.reason[self._open], minlength=len(self.listed) + 1)[1:].tolist()
         reasons = Counter({reason: count for reason, count in zip(self.listed, counts, strict=True) if count})
         if self.nameless:
             reasons[NEVER_HEARD] += self.nameless
@@ -433,6 +441,10 @@ def preview(
         reason[robots] = np.where(undecided, np.uint8(len(listed)), why + np.uint8(len(listed)))
         listed += reasons
         oldest = float(np.min(times[robots][known], initial=now))
+    if roster.everybody is not None:
+        nobody = np.ones(count, np.bool_)
+        nobody[roster.everybody] = False
+        codes[nobody] = NOBODY
     auction, everybody = auction_of(program.root), is_for_everybody(program)
     most = None if auction is None else auction.most
     return Preview(codes, reason, tuple(listed), roster.names, everybody, now - oldest, roster.nameless, most)

@@ -27,6 +27,7 @@ from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.model import Quantity
 from sleepcast.core.records import NamedTuple
 from sleepcast.simulator.bodies.line_of_sight import LineOfSight
+from sleepcast.simulator.bodies.population import Population, Turnover
 from sleepcast.simulator.bodies.proximity import Bumpers, Neighbours, SonarGroups, Sonars, StartError, least_cell, reach
 from sleepcast.simulator.bodies.scanner import Scanner
 from sleepcast.simulator.engine import Machine
@@ -103,6 +104,7 @@ class Bodies:
     uses, drains: what each store loses per metre and per second, shape (stores,)
     added: sensors besides those of the scenario
     sensors: all of them but those of sonars; None makes them
+    population: which of them are there, where robots come and go; `first` has those at the start then
     """
 
     def __init__(
@@ -112,7 +114,10 @@ class Bodies:
         machine: Machine,
         added: tuple[Quantity, ...] = (),
         sensors: tuple[Quantity, ...] | None = None,
+        population: Population | None = None,
+        first: Bodies | None = None,
     ) -> None:
+        self.population = population
         robots, specs = scenario.robots, scenario.each_type
         self.scenario, self.seed, self.count = scenario, seed, robots.count
         self.of_each_type = slices(specs, self.count)
@@ -134,10 +139,10 @@ class Bodies:
         own, all_ = len(self.sensors), len(self.sensors) + (ring.count + 1 if ring else 0)
         self.sensed: Floats = filled(np.nan, np.float64, all_, self.count)
         self.known: Floats = filled(np.nan, np.float64, own, self.count) if scenario.noise else self.sensed[:own]
-        self.numbers = count_up(self.count, np.uint64)
+        self.numbers = population.numbers.astype(np.uint64) if population else count_up(self.count, np.uint64)
         self.first_id = 1
         """What the first robot knows as its `id`; those of the others follow."""
-        self.chance = mix(self.numbers * np.uint64(GOLDEN) + np.uint64(key(seed, "bodies")))
+        self.chance = self._chances()
         """A key for each robot, uint64."""
         self.encoder_x: Floats = self.known[0]
         self.encoder_y: Floats = self.known[1]
@@ -162,7 +167,8 @@ class Bodies:
         self.swing, self.roaming = np.zeros(self.count), np.zeros(self.count)
         self.stopped, self.held = np.zeros(self.count, bool), np.zeros(self.count, bool)
         self.machine, self.laws = machine, laws_of(scenario)
-        self.sight = LineOfSight(scenario, self.world, machine, (self.x, self.y), self.radii)
+        there = population.present if population else None
+        self.sight = LineOfSight(scenario, self.world, machine, (self.x, self.y), self.radii, there)
         self.parts = [self._part(*each) for each in zip(specs, self.of_each_type, strict=True)] if specs[1:] else [self]
         """The bodies of each robot type: views of these arrays, with the parameters of that type."""
         size, cones = (scenario.width, scenario.height), [self._cones(spec) for spec in specs]
@@ -173,11 +179,54 @@ class Bodies:
         laser, camera = scenario.laser, scenario.camera
         widest = float(self.radii.max())
         farthest = max([farthest, laser.reach + widest if laser else 0.0, camera.reach if camera else 0.0])
-        self.near = Neighbours(size, cell, self.count, self.world, machine, scenario.around, farthest)
+        self.near = Neighbours(size, cell, self.count, self.world, machine, scenario.around, farthest, there)
         self.contact = Bumpers(self.radii, far, self.near, machine) if robots.bumpers else None
         self.sonars = self._make_sonars(self.sensed[own:], cones)
         self.scanner = Scanner(laser, self.radii, self.near, seed, machine) if laser else None
-        self._start()
+        if population and first:
+            self._begin_with(first, np.flatnonzero(population.present))
+        else:
+            self._start()
+
+    def _chances(self) -> NDArray[np.uint64]:
+        """The key of each robot for what is by chance."""
+        return mix(self.numbers * np.uint64(GOLDEN) + np.uint64(key(self.seed, "bodies")))
+
+    @property
+    def _columns(self) -> dict[str, NDArray[np.generic]]:
+        """All arrays with a column for each robot that may be written, by name; some share their memory."""
+        arrays = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        fixed = {"numbers", "chance", "radii", "slides", "rolls", "brakes"}
+        return {name: each for name, each in arrays.items() if each.shape[-1:] == (self.count,) and name not in fixed}
+
+    def _begin_with(self, first: Bodies, rows: Whole) -> None:
+        """Have these bodies in these rows, and none in all others, which stand at 0, 0."""
+        for place in (self.x, self.y, self.heading, self.encoder_x, self.encoder_y, self.encoder_heading, self.speed):
+            place[:] = 0.0
+        self.mode[:] = Mode.DRIVE
+        given = first._columns
+        for name, column in self._columns.items():
+            column[..., rows] = given[name]
+
+    def turn_over(self, turnover: Turnover) -> None:
+        """Robots have come, each as a copy of its parent, but for what it gets of its stores; and others have gone."""
+        parents, children, dead = turnover.parents, turnover.children, turnover.dead
+        shares = turnover.shares
+        for column in self._columns.values():
+            column[..., children] = column[..., parents]
+        shared = ~np.isnan(shares)
+        for row in self.stores:
+            given = row[parents] * shares
+            row[children] = np.where(shared, given, row[children])
+            np.subtract.at(row, parents[shared], given[shared])
+        self.numbers[children] = turnover.numbers
+        self.chance[children] = self._chances()[children]
+        self.mode[dead], self.stopped[dead], self.held[dead] = Mode.DRIVE, False, False
+        for still in (self.wanted_speed, self.wanted_turn, self.swing):
+            still[dead] = 0.0
+        for number in dead.tolist():
+            self.settle(number)
+        self.forget()
 
     def _each(self, values: Sequence[float]) -> Floats:
         """One value for each body, by its type; read-only."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from math import isfinite, isnan, pi
+from math import isfinite, isnan, nan, pi
 from operator import attrgetter
 from typing import Any, Protocol, TypeVar
 
@@ -18,6 +18,8 @@ from sleepcast.core.model import BodyColumn, HostFunction, Quantity, RestState, 
 from sleepcast.core.units import LENGTH, NONE, RATE, SPEED, Dimension
 from sleepcast.robot import Geometry, Reading, RobotModel, Setpoint
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Floats, Mode, Saying, Whole
+from sleepcast.simulator.bodies.population import Population
+from sleepcast.simulator.scenario.population import comes_and_goes, sort_constants
 from sleepcast.simulator.scenario.robot_settings import TENTH, Ring
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.sensors import sonar_sensors
@@ -37,6 +39,10 @@ class BodySenses(Protocol):
 
     def of(self, kind: type[Sense], /) -> Sense:
         """The part of this kind. Raises KeyError where the world has none."""
+
+
+class HatchError(SleepcastError):
+    """A robot that is stopped was to HATCH or DIE."""
 
 
 class LackError(SleepcastError):
@@ -140,6 +146,21 @@ class Body:
         ranges = self._bodies.sonar_ranges([self.number])[0, : sonars.ring.count][within]
         return float(ranges.min()) if ranges.size else sonars.ring.most
 
+    def hatch(self, sort: float, count: float, share: float = nan) -> float:
+        if self.stopped:
+            raise HatchError("this robot is stopped: nothing comes of HATCH until it is released")
+        return self._population().hatch(self.number, sort, count, share)
+
+    def die(self) -> None:
+        if self.stopped:
+            raise HatchError("this robot is stopped: it does not DIE until it is released")
+        self._population().die(np.array([self.number]))
+
+    def _population(self) -> Population:
+        population = self._bodies.population
+        assert population
+        return population
+
     def _sectors(self) -> Geometry:
         geometry = self._bodies.part_of(self.number).geometry
         if not geometry.sonars:
@@ -219,6 +240,22 @@ NOMAD_FUNCTIONS = (
     ),
 )
 """The wheel functions in the vocabulary `nomad`."""
+POPULATION_FUNCTIONS = (
+    HostFunction(
+        "HATCH",
+        Body.hatch,
+        (NONE, NONE, NONE),
+        least=2,
+        arguments="sort n [share]",
+        result=NONE,
+        doc="At the end of the tick n robots of this sort come, copies of this one; with a share: of its stores they "
+        "get so much together.",
+        irreversible=True,
+        moves=False,
+    ),
+    HostFunction("DIE", Body.die, doc="At the end of the tick this robot is gone.", irreversible=True, moves=False),
+)
+"""Where robots come and go."""
 SONAR_FUNCTIONS = (
     HostFunction(
         "SONAR",
@@ -308,11 +345,16 @@ def model_of(
             *(replace(each, writes=writes.get(each.name, ())) for each in FUNCTIONS),
             *_lacking(scenario, wheels if robots.wheels else ()),
             *_lacking(scenario, sonars if robots.geometry.sonars else ()),
+            *(POPULATION_FUNCTIONS if comes_and_goes(scenario) else ()),
             *functions,
         ),
         limits=robots.limits,
         geometry=robots.geometry,
-        constants=(*signal_constants(scenario.lights, scenario.pings), *scenario.constants),
+        constants=(
+            *signal_constants(scenario.lights, scenario.pings),
+            *scenario.constants,
+            *sort_constants(scenario),
+        ),
         areas=scenario.areas,
     )
 
@@ -327,6 +369,8 @@ def nearest(bodies: Bodies, number: int, reach: float, first: float, last: float
     dx, dy = shortest(bodies.x - bodies.x[number], around_x), shortest(bodies.y - bodies.y[number], around_y)
     away = np.sqrt(dx * dx + dy * dy) - (bodies.radii + bodies.radii[number])
     away[number] = np.inf
+    if bodies.population is not None:
+        away[~bodies.population.present] = np.inf
     near = np.flatnonzero(away < reach)
     width = last - first
     if width < TURN:

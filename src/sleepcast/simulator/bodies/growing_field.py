@@ -73,6 +73,10 @@ class GrowingField:
         self._wanted[what, robots] = np.clip(amounts, 0.0, self._growth.most)
         self._cells[what, robots] = self.cells(x, y)
 
+    def clear(self, robots: Whole) -> None:
+        """These robots ask for nothing."""
+        self._wanted[:, robots] = 0.0
+
     def step(self, tick: int) -> Floats:
         """The tick with this number; gives what each robot got."""
         amount = self.amount.reshape(-1)

@@ -41,16 +41,25 @@ class LineOfSight(BetweenWalls):
     """The lines of sight among bodies at x, y (m, changed in place).
 
     radii: of the bodies, m
+    there: which of them are there, None if all are; changed in place
     moved: whether bodies have moved since they were last looked at; set by who moves them
     """
 
     def __init__(
-        self, scenario: Scenario, world: World, machine: Machine, places: tuple[Floats, Floats], radii: Floats
+        self,
+        scenario: Scenario,
+        world: World,
+        machine: Machine,
+        places: tuple[Floats, Floats],
+        radii: Floats,
+        there: Flags | None = None,
     ) -> None:
         super().__init__(scenario, world, machine)
         self._discs = SightLines((scenario.width, scenario.height), scenario.around)
         self.moved = True
         self._places, self._radii, self._bodies_hide = places, radii, scenario.sight.bodies_hide
+        self._there, self._disc_of = there, np.arange(len(places[0]))
+        """The disc of each body."""
 
     def behind_walls(self, robots: Whole, seen_x: Floats, seen_y: Floats) -> Flags:
         """Whether walls hide from each of these robots what stands at `seen_x`, `seen_y`, m."""
@@ -66,9 +75,10 @@ class LineOfSight(BetweenWalls):
         if not self._bodies_hide:
             return found
         left = np.flatnonzero(~found)
-        passing = [robots[left]] + ([] if senders is None else [senders[left]])
+        bodies = self._where_bodies_are()
+        passing = [self._disc_of[each[left]] for each in ([robots] if senders is None else [robots, senders])]
         lines = self._ends(*self._places_of(robots[left]), seen_x[left], seen_y[left])
-        found[left] = hidden(self._where_bodies_are(), *lines, passing=passing)
+        found[left] = hidden(bodies, *lines, passing=passing)
         return found
 
     def stops(
@@ -82,15 +92,20 @@ class LineOfSight(BetweenWalls):
             self.keep_up()
             found = stops(self.walls, *ends)
         if bodies and self._bodies_hide:
-            passing = [robots] + ([] if senders is None else [senders])
-            found = np.minimum(found, stops(self._where_bodies_are(), *ends, passing=passing))
+            discs = self._where_bodies_are()
+            passing = [self._disc_of[each] for each in ([robots] if senders is None else [robots, senders])]
+            found = np.minimum(found, stops(discs, *ends, passing=passing))
         return found
 
     def _where_bodies_are(self) -> SightLines:
         """The bodies where they are now."""
         if self.moved:
             x, y = self._places
-            self._discs.put(np.stack((x, y, x, y, np.broadcast_to(self._radii, len(x))), axis=1))
+            radii = np.broadcast_to(self._radii, len(x))
+            if self._there is not None:
+                x, y, radii = x[self._there], y[self._there], radii[self._there]
+                self._disc_of = np.cumsum(self._there) - 1
+            self._discs.put(np.stack((x, y, x, y, radii), axis=1))
             self.moved = False
         return self._discs
 

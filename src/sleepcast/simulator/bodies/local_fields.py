@@ -61,6 +61,12 @@ class LocalFields:
                 rows[3] = cells.step(self._bodies.tick)
         self._look()
 
+    def clear(self, robots: Whole) -> None:
+        """These robots ask for nothing."""
+        for _, _, cells in self._each:
+            if cells is not None:
+                cells.clear(robots)
+
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """The arrays that a run changes and that the next ticks depend on."""
         return {

@@ -37,6 +37,7 @@ from sleepcast.simulator.world.grid import (
     distance,
     grid_over,
     list_solids,
+    only,
     pairs,
     sort,
     spread,
@@ -71,6 +72,7 @@ class Neighbours:
     cell: least side, m
     count: of bodies
     around, reach: see `torus.cells_over`
+    there: which of the bodies are there, None if all are; changed in place
     """
 
     def __init__(
@@ -82,7 +84,9 @@ class Neighbours:
         machine: Machine,
         around: Around = PLAIN,
         reach: float = 0.0,
+        there: NDArray[np.bool_] | None = None,
     ) -> None:
+        self._there = there
         self._cells = cells_over(size, around, cell, reach, count)
         self.grid = self._cells.grid
         self.world = world
@@ -117,7 +121,10 @@ class Neighbours:
     def points(self, x: Floats, y: Floats) -> Sorted:
         """These bodies and images by cell."""
         if self._points is None:
-            self._points = self._machine.sort(self.grid, *self.images(x, y)[:2])
+            images = self.images(x, y)
+            self._points = self._machine.sort(self.grid, images.x, images.y)
+            if self._there is not None:
+                self._points = only(self._points, self._there[images.of])
         return self._points
 
     @property

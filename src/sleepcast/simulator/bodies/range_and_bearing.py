@@ -26,6 +26,7 @@ from sleepcast.core.records import NamedTuple
 from sleepcast.core.units import LENGTH, NONE, UNITS, Dimension, is_angle
 from sleepcast.simulator.bodies.bodies import Bodies, Flags, Floats
 from sleepcast.simulator.bodies.body import Body, BodySenses, acting
+from sleepcast.simulator.bodies.population import Turnover
 from sleepcast.simulator.bodies.voronoi import centroids
 from sleepcast.simulator.neighbours.neighbourhood import (
     ACROSS,
@@ -61,7 +62,7 @@ from sleepcast.simulator.scenario.signals import NeighbourModel
 from sleepcast.simulator.simd.addresses import addresses
 from sleepcast.simulator.simd.formulas import arc_tangent, rotated, shortest, sine_cosine, wrap
 from sleepcast.simulator.sonar.noise import deviates
-from sleepcast.simulator.world.grid import Grid, Sorted, Whole
+from sleepcast.simulator.world.grid import Grid, Sorted, Whole, only
 from sleepcast.simulator.world.sight import SightLines
 from sleepcast.simulator.world.torus import Images
 
@@ -95,6 +96,8 @@ class RangeAndBearing:
 
     def __init__(self, bodies: Bodies, model: NeighbourModel) -> None:
         self._bodies, self._model = bodies, model
+        self._compiles = bodies.machine.compiles and bodies.population is None
+        """Whether compiled code may be asked, which takes rows for numbers and each for a robot that is there."""
         self._first_group = 1 + len(model.shares)
         self._shared: Floats = np.full((self._first_group + len(model.shows_groups), bodies.count), np.nan)
         """What neighbours see in this tick: colours, shared numbers, NaN where a robot shares none, and who is in the
@@ -121,7 +124,7 @@ class RangeAndBearing:
     def beginning(self) -> tuple[int, int] | None:
         """The addresses of native code that begins a tick instead of `step`, and of its argument; None where chance has
         a part, or without compiled code."""
-        code = None if self._near.chancy or not self._bodies.machine.compiles else addresses()
+        code = None if self._near.chancy or not self._compiles else addresses()
         return None if code is None else (code["begin"], self._near.address)
 
     def keep_up(self) -> None:
@@ -157,6 +160,14 @@ class RangeAndBearing:
         for row, name in enumerate(self._model.shows_groups, self._first_group):
             self._set[row, robots] = groups.get(name.casefold(), 0.0)
 
+    def turn_over(self, turnover: Turnover) -> None:
+        """Robots have come and gone: children show what their parents do, and who is gone shows nothing."""
+        for shown in (self._shared, self._set):
+            shown[:, turnover.children] = shown[:, turnover.parents]
+            shown[:, turnover.dead] = np.nan
+            shown[COLOUR, turnover.dead] = 0.0
+        self.forget()
+
     def following(self, row: int) -> Floats:
         """What each robot shows from the next tick on."""
         following: Floats = self._set[row]
@@ -171,25 +182,25 @@ class RangeAndBearing:
         """What is `asked`, for each of `robots`, from its neighbours within `radius` (m) and reach. colour: of the
         neighbours that count, one for each robot; none: all count."""
         query = self._query(robots, radius, *colour)
-        if isinstance(asked, Formula) and self._bodies.machine.compiles:
+        if isinstance(asked, Formula) and self._compiles:
             return self._compiled(asked, query)
         over = partial(_fold, asked) if isinstance(asked, Formula) else asked
         results = [over(self, each) for each in self._pairs(query)]
         return np.concatenate(results) if len(results) != 1 else results[0]
 
     def neighbours(self, robots: Whole, most: int, radius: Floats, *colour: Floats) -> tuple[Whole, Whole]:
-        """Who is near each of `robots`, within `radius` (m) and reach: see `Pairs.listed`."""
+        """Who is near each of `robots`, within `radius` (m) and reach, by their numbers: see `Pairs.listed`."""
         query = self._query(robots, radius, *colour)
         for before, limit, listed in self._listed:
             if limit == most and before.same(query):
                 return listed
         lists = []
-        if self._bodies.machine.compiles:
+        if self._compiles:
             vicinity = self._near.vicinity(_reach_of(query.radius), self._bodies.tick, turning=False)
             counts, keys = self._bodies.machine.near_lists(vicinity, *query)
             if counts.max(initial=0) <= most:
                 lists.append(in_order(counts, keys))
-        lists = lists or [pairs.listed(most) for pairs in self._pairs(query)]
+        lists = lists or [self._numbered(pairs).listed(most) for pairs in self._pairs(query)]
         if len(lists) == 1:
             self._listed = [*self._listed[1 - MAX_RECENT :], (query, most, lists[0])]
             return lists[0]
@@ -198,7 +209,7 @@ class RangeAndBearing:
 
     def nearest(self, robots: Whole, radius: Floats, *colour: Floats) -> Floats:
         """Number of the nearest neighbour of each of `robots`, within `radius` (m) and reach; NaN without one."""
-        found = [pairs.nearest_one() for pairs in self._pairs(self._query(robots, radius, *colour))]
+        found = [self._numbered(pairs).nearest_one() for pairs in self._pairs(self._query(robots, radius, *colour))]
         return np.concatenate(found) if len(found) != 1 else found[0]
 
     def shown(self, field: str, robots: Whole, others: Floats) -> Floats:
@@ -209,11 +220,13 @@ class RangeAndBearing:
         asking[robots] = True
         bodies.sense(np.flatnonzero(asking), sonars=False)
         row = [*SHOWN, *self._model.shares, *self._model.shows_groups].index(field) - len(SHOWN) + 1
-        if bodies.machine.compiles:
+        if self._compiles:
             self.keep_up()
             near, quantity = self._near.begin(bodies.tick), _QUANTITIES.get(field, VALUE)
             return bodies.machine.shown(near, quantity, max(row, COLOUR), robots, others, self._reach)
         found = np.full(robots.size, np.nan)
+        if bodies.population is not None:
+            others = bodies.population.rows_of(others)
         there = (others >= 0.0) & (others < bodies.count) & (others == np.floor(others)) & (others != robots)
         index = np.flatnonzero(there)
         asked, other = robots[index], others[index].astype(np.int64)
@@ -258,7 +271,7 @@ class RangeAndBearing:
 
     def bound(self, formula: Formula, arguments: Sequence[float | None]) -> NativeCall | None:
         """How native code asks for a formula with these arguments; see `NativeForm`."""
-        code = addresses()
+        code = addresses() if self._bodies.population is None else None
         if code is None or arguments[0] is None:
             return None
         self.keep_up()
@@ -272,8 +285,13 @@ class RangeAndBearing:
 
     @property
     def first_id(self) -> int:
-        """The id of the first robot; the others follow."""
+        """The id of the robot with number 0."""
         return self._bodies.first_id
+
+    def _numbered(self, pairs: Pairs) -> Pairs:
+        """These pairs with the numbers of the neighbours instead of their rows."""
+        population = self._bodies.population
+        return pairs if population is None else pairs.known_as(population.numbers[pairs.other])
 
     def own_frame(self, robots: Whole) -> Floats:
         """Sensed x (m), y (m) and heading (rad) of these robots, shape (3, robots)."""
@@ -332,7 +350,10 @@ class RangeAndBearing:
             images = cells.images(bodies.x, bodies.y)
             if len(self._sorted) == MAX_RECENT:
                 self._sorted.clear()
-            self._sorted[reach] = cells.grid, bodies.machine.sort(cells.grid, images.x, images.y), images
+            points = bodies.machine.sort(cells.grid, images.x, images.y)
+            if bodies.population is not None:
+                points = only(points, bodies.population.present[images.of])
+            self._sorted[reach] = cells.grid, points, images
         return self._sorted[reach]
 
     def _block(self, query: _NeighbourQuery, reach: float) -> Pairs:
@@ -355,7 +376,7 @@ class RangeAndBearing:
             colour = query.colour[robot]
             sensed &= np.isnan(colour) | (colour == self._shared[COLOUR, other])
         if model.loss:
-            drawn = uniform(key(bodies.seed, LOST, bodies.tick), _tokens(other, first))
+            drawn = uniform(key(bodies.seed, LOST, bodies.tick), self._tokens(other, first))
             sensed &= drawn >= model.loss
         if self._hides:
             asked = np.flatnonzero(sensed)
@@ -366,12 +387,17 @@ class RangeAndBearing:
             pairs, first = pairs.where(sensed), first[sensed]
         dx, dy, away = pairs.dx, pairs.dy, pairs.away
         if model.noise:
-            size, tokens = model.noise * away, _tokens(pairs.other, first)
+            size, tokens = model.noise * away, self._tokens(pairs.other, first)
             dx = dx + size * self._normal(ACROSS, tokens)
             dy = dy + size * self._normal(UP, tokens)
             away = np.sqrt(dx * dx + dy * dy)
         dx, dy = self._turned(query.robots, pairs.robot, dx, dy)
         return Pairs(query.robots, query.radius, pairs.robot, pairs.other, dx, dy, away)
+
+    def _tokens(self, other: Whole, first: Whole) -> NDArray[np.uint64]:
+        """A number of its own for each pair, for what is drawn by chance."""
+        numbers = self._bodies.numbers
+        return (numbers[other] << np.uint64(32)) + numbers[first]
 
     def _normal(self, purpose: str, tokens: NDArray[np.uint64]) -> Floats:
         """Normal noise of this tick, one number for each token."""
@@ -382,11 +408,6 @@ class RangeAndBearing:
 def _reach_of(radius: Floats) -> float:
     """The reach of cells for these radii, m: a bit more than the greatest, against rounding."""
     return float(radius.max(initial=0.0)) * (1.0 + 1e-9)
-
-
-def _tokens(other: Whole, first: Whole) -> NDArray[np.uint64]:
-    """A number of its own for each pair, for what is drawn by chance."""
-    return (other.astype(np.uint64) << np.uint64(32)) + first.astype(np.uint64)
 
 
 # ---- the functions of expressions

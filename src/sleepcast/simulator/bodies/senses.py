@@ -19,6 +19,7 @@ from sleepcast.core.model import HostFunction
 from sleepcast.simulator.bodies.bodies import Bodies, Floats
 from sleepcast.simulator.bodies.body import Sense
 from sleepcast.simulator.bodies.local_fields import LocalFields, field_functions
+from sleepcast.simulator.bodies.population import Turnover
 from sleepcast.simulator.bodies.range_and_bearing import COLOUR, RangeAndBearing, neighbour_functions
 from sleepcast.simulator.bodies.seeing import Eyes, eye_functions
 from sleepcast.simulator.bodies.stocks import Stocks, stock_functions
@@ -97,6 +98,18 @@ class Senses:
             self.stocks.step()
         if self._fields is not None:
             self._fields.step()
+
+    def turn_over(self, turnover: Turnover) -> None:
+        """Robots have come and gone: nothing waits for them, and children show what their parents do."""
+        changed = turnover.changed
+        if self._pings is not None:
+            self._pings.clear(changed)
+        if self._near is not None:
+            self._near.turn_over(turnover)
+        if self.stocks is not None:
+            self.stocks.clear(changed)
+        if self._fields is not None:
+            self._fields.clear(changed)
 
     @property
     def beginnings(self) -> list[tuple[int, int]] | None:
@@ -184,6 +197,11 @@ class _PingReceiver:
         self._sent[robots[new]] = True
         self._castes[robots[new]] = castes[first[new]]
 
+    def clear(self, robots: NDArray[np.intp]) -> None:
+        """Nothing is sent by these robots, nor waits for them."""
+        self._sent[robots], self._length[robots] = False, 0
+        self._presented[0, robots] = 0.0
+
     def step(self) -> None:
         """Clear the presented pings, queue those sent in the last tick, present the oldest of each queue."""
         self._presented[0] = 0.0
@@ -220,6 +238,8 @@ class _PingReceiver:
         points = Sorted(sent[points.order].astype(np.int32), points.start)
         own_x, own_y = images.x[: bodies.count], images.y[: bodies.count]
         chances = candidates(self._cells.grid, points, own_x, own_y, self._reach)
+        if bodies.population is not None:
+            chances[~bodies.population.present] = 0
         hearers = np.flatnonzero(chances)
         block = np.cumsum(chances[hearers]) // MAX_PAIRS
         caste = np.zeros(bodies.count)
@@ -234,7 +254,7 @@ class _PingReceiver:
         dx, dy = images.x[sources] - images.x[hearers], images.y[sources] - images.y[hearers]
         sources = images.whose(sources)
         away = np.sqrt(dx * dx + dy * dy)
-        tokens = (sources.astype(np.uint64) << np.uint64(32)) + hearers.astype(np.uint64)
+        tokens = (bodies.numbers[sources] << np.uint64(32)) + bodies.numbers[hearers]
         heard = away <= model.reach
         if model.loss:
             heard &= uniform(key(bodies.seed, "ping lost", bodies.tick), tokens) >= model.loss

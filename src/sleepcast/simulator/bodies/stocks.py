@@ -50,6 +50,10 @@ class Stocks:
         """These robots want to add so much; those that are not within the stock's radius add nothing."""
         self._ask(self._giving, row, robots, amounts)
 
+    def clear(self, robots: Whole) -> None:
+        """These robots ask for nothing."""
+        self._taking[:, robots] = self._giving[:, robots] = 0.0
+
     def step(self) -> None:
         """Settle what was asked for since the last step, and let robots sense what is there now."""
         for row, stock in enumerate(self._stocks):

@@ -119,6 +119,10 @@ class Pairs:
         nearest = self.away == self.least(self.away)[self.robot]
         return -Pairs.most(self.where(nearest), -self.other[nearest].astype(np.float64))
 
+    def known_as(self, other: Whole) -> Pairs:
+        """The same pairs, with other numbers of the neighbours."""
+        return Pairs(self.asked, self.within, self.robot, other, self.dx, self.dy, self.away)
+
     def where(self, chosen: Flags) -> Pairs:
         """Some of the pairs."""
         floats = (self.dx, self.dy, self.away)

@@ -62,10 +62,18 @@ def read_measures(root: Table, points: Mapping[str, Point], longest: float) -> t
 
 
 class Measuring:
-    """The series of one run. tick: simulated seconds per tick; x, y: positions of the robots, m, shape (robots,)."""
+    """The series of one run. tick: simulated seconds per tick; x, y: positions of the robots, m, shape (robots,);
+    there: which of them are there, None if all are."""
 
-    def __init__(self, specs: Sequence[MeasureSpec], tick: float, x: Floats, y: Floats) -> None:
-        self._specs, self._x, self._y = specs, x, y
+    def __init__(
+        self,
+        specs: Sequence[MeasureSpec],
+        tick: float,
+        x: Floats,
+        y: Floats,
+        there: NDArray[np.bool_] | None = None,
+    ) -> None:
+        self._specs, self._x, self._y, self._there = specs, x, y, there
         self._tick = tick
         self._due = [self._every(spec, 1) for spec in specs]
         self._thinned = [1] * len(specs)
@@ -78,7 +86,8 @@ class Measuring:
         for index, spec in enumerate(self._specs):
             if self._due[index].due(tick):
                 series = self._series[index]
-                series.append([round(time, 6), self._measure(spec)])
+                if self._there is None or self._there.any():  # nobody is nowhere
+                    series.append([round(time, 6), self._measure(spec)])
                 if len(series) >= MAX_SAMPLES:
                     del series[1::2]
                     self._thin(index, 2 * self._thinned[index])
@@ -118,7 +127,8 @@ class Measuring:
         return max(1, nearest_ticks(spec.every, self._tick))
 
     def _measure(self, spec: MeasureSpec) -> float:
-        x, y = float(self._x.mean()), float(self._y.mean())
+        every_x, every_y = (self._x, self._y) if self._there is None else (self._x[self._there], self._y[self._there])
+        x, y = float(every_x.mean()), float(every_y.mean())
         if spec.to is not None:
             return float(np.hypot(spec.to[0] - x, spec.to[1] - y))
-        return float(np.sqrt(((self._x - x) ** 2 + (self._y - y) ** 2).mean()))
+        return float(np.sqrt(((every_x - x) ** 2 + (every_y - y) ** 2).mean()))

@@ -58,11 +58,13 @@ class MindSettings:
     lease: s for which a driven robot goes on without hearing its operator, inf for ever
     tells: what others may have it do by TELL, as of a node (`--tells`)
     locked: see `LockedRule`
+    tells_hatch: whether a TELL may have robots HATCH and DIE
     """
 
     lease: float = inf
     tells: str = TELLS[0]
     locked: tuple[LockedRule, ...] = ()
+    tells_hatch: bool = False
 
 
 NO_AUTHORITY = MindSettings()
@@ -81,12 +83,14 @@ def read_operators(root: Table) -> tuple[ScenarioOperator, ...]:
 
 
 def read_minds(root: Table, operators: tuple[ScenarioOperator, ...]) -> MindSettings:
-    """The table `[minds]`. Raises SettingsError where no operators are named: it would mean nothing."""
-    if not operators:
-        if root.has("minds"):
-            raise root.error("minds", "this is about who may command: name [operators] first")
-        return NO_AUTHORITY
+    """The table `[minds]`. Raises SettingsError for what is about operators where none are named: it would mean
+    nothing."""
     with root.table("minds") as table:
+        tells_hatch = table.flag("tells_hatch", False)
+        if not operators:
+            if table.values.keys() - {"tells_hatch"}:
+                raise root.error("minds", "this is about who may command: name [operators] first")
+            return MindSettings(tells_hatch=tells_hatch)
         lease = inf
         if not table.has("lease") or table.values["lease"] != OFF:
             lease = table.number("lease", TIME, LEASE, low=LEAST_LEASE, high=MAX_LEASE)
@@ -95,7 +99,7 @@ def read_minds(root: Table, operators: tuple[ScenarioOperator, ...]) -> MindSett
             if len(rules.values) > MAX_LOCKED:
                 raise table.error("locked", f"{len(rules.values)} of them; at most {MAX_LOCKED} fit")
             locked = [LockedRule(checked_name(rules, name), rules.text(name, most=16_384)) for name in rules.values]
-    return MindSettings(lease, tells, tuple(locked))
+    return MindSettings(lease, tells, tuple(locked), tells_hatch)
 
 
 def refuse_robots(root: Table, operators: tuple[ScenarioOperator, ...], robots: NameIndex) -> None:

@@ -17,6 +17,8 @@ from sleepcast.simulator.scenario.starts import Starts, read_starts
 
 MAX_ROBOTS = 1_000_000
 """Bodies in one world: a tick of so many takes about real time on two cores. Minds have their own bound."""
+USUAL_ROOM = 4
+"""Times as many robots of a sort that may hatch there may be as at the start, unless the scenario says."""
 MAX_STORES = 16
 """Stores of one robot: each is a variable on every robot."""
 MAX_SONARS = 64
@@ -157,6 +159,8 @@ class RobotSpec:
     groups: empty if all robots are alike
     slides: whether bodies slide along what they touch, instead of stopping there
     starts: where each of them starts, empty if that is left to chance
+    hatch: whether more of them may come during a run, and any of them go
+    most: how many of them there may be at one time then, 0 for `USUAL_ROOM` times as many as at the start
     """
 
     type: str
@@ -177,6 +181,8 @@ class RobotSpec:
     groups: tuple[RobotGroup, ...] = ()
     slides: bool = False
     starts: Starts = ()
+    hatch: bool = False
+    most: int = 0
 
 
 def read_count(robots: Table, groups: tuple[RobotGroup, ...], rows: Sequence[Table] | None) -> int:
@@ -218,6 +224,7 @@ def read_robots(
         y = table.span("y", LENGTH, whole_y, low=0.0, high=size[1])
         geometry, bumpers, slides = _body(table)
         ring = _ring(table) if table.has("sonar") else None
+        hatch, most = _coming(table, count, groups)
         if ring and geometry.sonars:
             raise table.error("sonar", "a robot has either sonars of [robots.body] or those of [robots.sonar]")
         return RobotSpec(
@@ -239,7 +246,27 @@ def read_robots(
             groups=groups,
             slides=slides,
             starts=read_starts(table, rows, size),
+            hatch=hatch,
+            most=most,
         )
+
+
+def _coming(robots: Table, count: int, groups: tuple[RobotGroup, ...]) -> tuple[bool, int]:
+    """Whether robots come and go, and how many there may be."""
+    hatch = robots.flag("hatch", False)
+    if not hatch:
+        if robots.has("most"):
+            raise robots.error("most", "a bound of robots that come and go: say hatch = true, or leave this out")
+        return False, 0
+    if robots.has("sonar") and robots.table("sonar").has("pause"):
+        raise robots.error("hatch", "robots whose sonars fire one after the other do not come and go: leave pause out")
+    if groups:
+        raise robots.error("hatch", "robots of [robots.groups] do not come and go: make each group a table [[robots]]")
+    most = robots.whole("most", low=1, high=MAX_ROBOTS) if robots.has("most") else 0
+    changed = robots.document.is_changed(shown_key((*robots.where, "count")))
+    if 0 < most < count and not changed:
+        raise robots.error("most", f"there are {count} robots at the start: say at least as many")
+    return True, most
 
 
 def _disc(robots: Table, size: tuple[float, float]) -> tuple[float, float, float] | None:

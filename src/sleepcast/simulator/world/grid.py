@@ -76,6 +76,14 @@ def sort(grid: Grid, x: Floats, y: Floats) -> Sorted:
     return Sorted(np.argsort(cells, kind="stable").astype(np.int32), starts(cells, grid.cells))
 
 
+def only(points: Sorted, those: NDArray[np.bool_]) -> Sorted:
+    """Of sorted points those that are marked, by their indices. The others follow at the end, where nobody looks: that
+    each has its place in the order is what whoever goes through all of them relies on."""
+    chosen = those[points.order]
+    start = np.append(np.int32(0), np.cumsum(chosen, dtype=np.int32))[points.start]
+    return Sorted(np.concatenate((points.order[chosen], points.order[~chosen])), start)
+
+
 def starts(cells: Whole | Short, count: int) -> Short:
     """First entry of each of `count` cells among all entries, sorted by cell. cells: the cell of each entry."""
     start = np.zeros(count + 1, np.int32)

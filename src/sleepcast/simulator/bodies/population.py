@@ -1,0 +1,146 @@
+"""Robots that come and go: which rows of the arrays have a robot, what is its number, and who is to come and to go.
+
+What robots ask for with HATCH and DIE in a tick is done at its end, at one time: first the children come, in the order
+of their parents' numbers, with the numbers that follow; then those go that are to die. A row that a robot leaves is
+taken again from the next tick on, the lowest one first. Chance goes by numbers, never by rows.
+"""
+
+from __future__ import annotations
+
+from itertools import islice
+from math import isnan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.core.errors import SleepcastError
+from sleepcast.core.records import NamedTuple
+from sleepcast.simulator.scenario.population import rows_at_first, sorts_by_name
+from sleepcast.simulator.scenario.robot_types import slices
+from sleepcast.simulator.scenario.scenario import Scenario
+
+Whole = NDArray[np.intp]
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+NOBODY = -1
+"""The number in a row without a robot."""
+MAX_CALLS = 64
+"""Calls of HATCH by one robot in a tick: what they ask for is kept until its end."""
+
+
+class PopulationError(SleepcastError):
+    """Robots cannot come as they were asked for."""
+
+
+class Turnover(NamedTuple):
+    """Who comes and goes at the end of a tick; rows.
+
+    parents, children: each child with its parent, in the order of the children's numbers
+    numbers: of the children, from 0
+    shares: of each store of its parent that each child gets, NaN where it has as much as its parent
+    dead: those that go
+    refused: parents for whose children there was no room any more, and that stay themselves; ascending
+    """
+
+    parents: Whole
+    children: Whole
+    numbers: Whole
+    shares: Floats
+    dead: Whole
+    refused: Whole
+
+    @property
+    def changed(self) -> Whole:
+        """The rows of children and of the dead."""
+        return np.concatenate((self.children, self.dead))
+
+
+class Population:
+    """See the module. scenario: without room for more; roomy: with it.
+
+    numbers: of the robot in each row, from 0, or `NOBODY`
+    present: which rows have a robot
+    following: the number of the next child
+    """
+
+    def __init__(self, scenario: Scenario, roomy: Scenario) -> None:
+        first, count = rows_at_first(scenario), roomy.robots.count
+        self._slices = slices(roomy.each_type, count)
+        self.sorts = sorts_by_name(scenario.each_type)
+        self.numbers: Whole = np.full(count, NOBODY, np.intp)
+        self.numbers[first] = np.arange(len(first))
+        self.present: Flags = self.numbers >= 0
+        self.following = len(first)
+        self._asked: dict[int, list[tuple[int, int, float]]] = {}
+        """Sort, how many, and the share of each store of every call of HATCH in this tick, by the parent's row."""
+        self._dying: Flags = np.zeros(len(self.numbers), np.bool_)
+
+    @property
+    def count(self) -> int:
+        """How many robots there are."""
+        return int(np.count_nonzero(self.present))
+
+    def rows_of(self, numbers: Floats) -> Floats:
+        """The rows of the robots with these numbers, `NOBODY` where there is none."""
+        rows, known = np.flatnonzero(self.present), self.numbers[self.present]
+        order = np.argsort(known)
+        at = np.minimum(np.searchsorted(known[order], numbers), len(rows) - 1) if len(rows) else None
+        if at is None:
+            return np.full(len(numbers), float(NOBODY))
+        return np.where(known[order[at]] == numbers, rows[order[at]], NOBODY).astype(np.float64)
+
+    def room(self, sort: int) -> int:
+        """How many more of a sort may come."""
+        return int(np.count_nonzero(~self.present[self._slices[sort]]))
+
+    def hatch(self, row: int, sort: float, count: float, share: float) -> float:
+        """HATCH by the robot in this row, see `FUNCTIONS`. Raises PopulationError."""
+        if sort not in self.sorts.values():
+            names = " or ".join(sorted(self.sorts, key=lambda name: self.sorts[name]))
+            raise PopulationError(f"HATCH needs a sort of robots that may come here: wanted {names}, not {sort:g}")
+        if not count >= 0.0 or count != int(count):
+            raise PopulationError(f"HATCH needs a whole number of children, 0 or more, not {count:g}")
+        if not isnan(share) and not 0.0 <= share <= 1.0:
+            raise PopulationError(f"HATCH gives a share of each store from 0 to 1, not {share:g}")
+        own = self._asked.setdefault(row, [])
+        room = self.room(int(sort)) - sum(more for kind, more, _ in own if kind == sort)
+        if count > room:
+            name = next(name for name, place in self.sorts.items() if place == sort)
+            raise PopulationError(f"there is room for {room} more {name}, not for {int(count)}: see most in [robots]")
+        if len(own) >= MAX_CALLS:
+            raise PopulationError(f"HATCH was called {MAX_CALLS} times in this tick: ask for more children at a time")
+        if count:
+            own.append((int(sort), int(count), share))
+        return count
+
+    def die(self, rows: Whole) -> None:
+        """These robots go at the end of the tick."""
+        self._dying[rows] = True
+
+    def settle(self) -> Turnover | None:
+        """The end of a tick: takes note of who comes and goes; None if nobody does."""
+        dead = np.flatnonzero(self._dying & self.present)
+        self._dying[:] = False
+        if not self._asked and not dead.size:
+            return None
+        parents, children, shares, refused = self._placed()
+        numbers = np.arange(self.following, self.following + len(children))
+        self.following += len(children)
+        self.numbers[children], self.numbers[dead] = numbers, NOBODY
+        self.present[children], self.present[dead] = True, False
+        return Turnover(parents, children, numbers, shares, dead, np.setdiff1d(refused, dead))
+
+    def _placed(self) -> tuple[Whole, Whole, Floats, Whole]:
+        """The children with their parents, rows and shares; and the parents of those for whom there is no room."""
+        asked, self._asked = self._asked, {}
+        free = [iter((np.flatnonzero(~self.present[each]) + each.start).tolist()) for each in self._slices]
+        placed, refused = list[tuple[int, int, float]](), dict[int, None]()
+        for parent in sorted(asked, key=lambda row: int(self.numbers[row])):
+            for sort, count, share in asked[parent]:
+                rows = list(islice(free[sort], count))
+                placed += [(parent, row, share / count) for row in rows]
+                if len(rows) < count:
+                    refused[parent] = None
+        parents, children = (np.array([each[i] for each in placed], np.intp) for i in (0, 1))
+        return parents, children, np.array([each[2] for each in placed]), np.array(list(refused), np.intp)

@@ -291,3 +291,17 @@ def test_a_quorum_that_is_told_waits_until_there_are_enough(tmp_path: Path) -> N
     swarm.fleet.evaluate("(MARK)", [2, 8, 9])
     swarm.run(4)
     assert members(swarm) == ["rover3", "rover4", "rover7"]
+
+
+@pytest.mark.parametrize("text", ["(LEAVE red)", "(FREEZE)", "(SLEEP)"])
+def test_who_leaves_by_itself_or_rests_makes_way(tmp_path: Path, text: str) -> None:
+    swarm, chief, _ = swarm_in(tmp_path)
+    chief.send(CALL.replace("(< id 12)", "(NOT marked)"))
+    swarm.run(2.5)
+    assert members(swarm) == NEAREST
+    swarm.fleet.evaluate(f"(PROGN (MARK) {text})", [5])
+    swarm.run(3.5)
+    assert members(swarm) == ["rover5", "rover7", "rover8"]
+    swarm.fleet.evaluate("(PROGN (UNMARK) (WAKE) (THAW))", [5])
+    swarm.run(2)
+    assert members(swarm) == ["rover5", "rover7", "rover8"], "all places are taken"

@@ -24,6 +24,7 @@ from sleepcast.fleet.schema import AuctionsState
 from sleepcast.language.explain import BidStanding
 from sleepcast.language.parts import Auction
 from sleepcast.language.program import Program
+from sleepcast.language.vocabulary import FROZEN, SLEEPING
 from sleepcast.mind.bidding import Bidding, EndedBids, bid_of
 from sleepcast.mind.calling import Calls
 from sleepcast.mind.rules import Rule
@@ -200,7 +201,13 @@ class BiddingRobot:
 
     @property
     def is_held_still(self) -> bool:
-        return bool(self._memory.state.stopped[self._robot]) or self._authority.catching_up.of(self._robot)
+        stopped = bool(self._memory.state.stopped[self._robot])
+        return stopped or self._authority.catching_up.of(self._robot) or self.is_at_rest
+
+    @property
+    def is_at_rest(self) -> bool:
+        values = self._memory.state.row(self._robot)
+        return values[SLEEPING] > 0 or values[FROZEN] > 0
 
     def objection(self, message: Message, text: str, now: float) -> str:
         ((program, _),) = self._evaluator.programs(text, self._row)

@@ -45,7 +45,11 @@ class Evaluating(Protocol):
     def rules_by_key(self) -> Mapping[str, Rule]: ...
     @property
     def is_held_still(self) -> bool:
-        """Whether it is stopped, or catches up: nobody is to count on it."""
+        """Whether it is stopped, catches up, or is at rest: nobody is to count on it."""
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether it sleeps or is frozen, so that its rules do not run."""
 
     def objection(self, message: Message, text: str, now: float) -> str:
         """Why this text of a message is not to be evaluated now, "" if it may be."""
@@ -77,6 +81,11 @@ class OpenBid(msgspec.Struct):
             key = text[len(_FORGET) : -1] if text.startswith(_FORGET) else ""
             if not key or (key in rules and rules[key].text == texts.get(key)):
                 yield text
+
+    def is_in_force(self, groups: Collection[str], rules: Mapping[str, Rule]) -> bool:
+        """Whether something of what the command has made is still there, if it has made anything."""
+        left = [text for text in self.still_to_end(rules) if text[len(_LEAVE) : -1] in groups or _LEAVE not in text]
+        return bool(left) or not self.endings
 
 
 class BiddingState(msgspec.Struct, array_like=True):
@@ -228,6 +237,8 @@ class Bidding:
                 if grants is not None and _is_of(message, each.poll) and each.bid.hear(grants, message.sequence, now):
                     self._obey(robot, each, now)
         for each in tuple(self._open):
+            if robot.is_at_rest or not each.is_in_force(robot.groups, robot.rules_by_key):
+                each.bid.leave(BidState.WITHDRAWN)
             each.bid.tick(now)
             if each.bid.phase is BidPhase.OUT:
                 self._part(robot, each)

@@ -14,6 +14,7 @@ from sleepcast.channel.message import Kind, Message
 from sleepcast.core.errors import SleepcastError
 from sleepcast.language.parts import Auction
 from sleepcast.language.program import Program, evaluate
+from sleepcast.language.vocabulary import FROZEN, SLEEPING
 from sleepcast.mind.authority import Authority
 from sleepcast.mind.bidding import Bidding
 from sleepcast.mind.calling import Calls
@@ -100,7 +101,12 @@ class BiddingNode:
 
     @property
     def is_held_still(self) -> bool:
-        return self._node.stopped or self._node.catching_up
+        return self._node.stopped or self._node.catching_up or self.is_at_rest
+
+    @property
+    def is_at_rest(self) -> bool:
+        values = self._node.memory.values
+        return values[SLEEPING] > 0 or values[FROZEN] > 0
 
     def objection(self, message: Message, text: str, now: float) -> str:
         node = self._node

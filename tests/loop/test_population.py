@@ -299,3 +299,17 @@ def test_previews_ask_before_robots_are_gone_for_good() -> None:
 def test_scenarios_say_what_is_wrong_with_their_bounds(sheep: str, wrong: str) -> None:
     with pytest.raises(SettingsError, match=wrong):
         read_scenario(text(sheep=sheep))
+
+
+def test_children_have_the_values_of_the_group_of_their_sort() -> None:
+    group = "\n[robots.groups.{name}]\ncount = {count}\nvalues = {{ caste = {caste} }}\n"
+    sorts = [
+        SORT.format(type=type, count=count, hatch="hatch = true").replace(f"count = {count}\n", "")
+        + group.format(name=f"{type}s", count=count, caste=caste)
+        for type, count, caste in (("sheep", 6, 1), ("wolf", 4, 2))
+    ]
+    run = Swarm(Simulator(read_scenario(HEAD.replace("{radio}", "") + "".join(sorts))))
+    assert [run.evaluate(name, "caste").value for name in run.fleet] == [1.0] * 6 + [2.0] * 4
+    run.minds["wolf1"].evaluate("(PROGN (HATCH sheep 1) (HATCH wolf 1))")
+    run.step()
+    assert [run.evaluate(name, "caste").value for name in ("sheep11", "wolf12")] == [1.0, 2.0]

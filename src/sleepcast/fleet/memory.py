@@ -23,7 +23,7 @@ from sleepcast.fleet.messages import Outbox
 from sleepcast.fleet.native.kernels import Kernels
 from sleepcast.fleet.state import FleetState, Minds, draws
 from sleepcast.language.acts import FLAGS
-from sleepcast.language.functions import MAX_HOPS, POPULATION
+from sleepcast.language.functions import DEADLY, MAX_HOPS
 from sleepcast.language.parts import (
     Auction,
     Defining,
@@ -250,7 +250,7 @@ class FleetMemory(FleetEvaluation):
         if unknown.any() and function.acts:
             self.state.dropped[rows.take(unknown).index] += 1
             self.refuse(part, rows.take(unknown), unknown_asked(function))
-        if self.childless and function.name.casefold() in POPULATION:
+        if self.childless and function.name.casefold() in DEADLY:
             self.refuse(part, rows.take(~unknown), self.childless)
             unknown = np.ones(rows.size, np.bool_)
         if function.acts:

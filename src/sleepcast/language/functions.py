@@ -445,6 +445,8 @@ ABOUT_NEIGHBOURS = OVER | {"of", EACH}
 """Words that came together, as `NEIGHBOURS`."""
 POPULATION = frozenset({"hatch", "die"})
 """Functions of robots that come and go."""
+DEADLY = POPULATION | {"eat"}
+"""Functions by which robots come or go, themselves or others: no TELL carries them unless the scenario says so."""
 BODY_WORDS = {
     "scan-min": "have no laser scanner",
     "scan-gap": "have no laser scanner",

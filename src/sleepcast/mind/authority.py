@@ -61,7 +61,7 @@ from sleepcast.core.errors import MisuseError, decimal_comma
 from sleepcast.core.quantities import QuantityError, in_si
 from sleepcast.core.records import NamedTuple
 from sleepcast.core.units import TIME
-from sleepcast.language.functions import POPULATION, PRIORITY
+from sleepcast.language.functions import DEADLY, PRIORITY
 from sleepcast.language.parts import auction_of, label_of, ranked, rules, walk
 from sleepcast.language.program import Program
 from sleepcast.language.reader import List
@@ -418,7 +418,7 @@ def hatches(program: Program) -> bool:
     known = _HATCHES.get(program)
     if known is None:
         heads = (each.head for each in walk_forms(program.form) if isinstance(each, List))
-        known = _HATCHES[program] = not POPULATION.isdisjoint(heads)
+        known = _HATCHES[program] = not DEADLY.isdisjoint(heads)
     return known
 
 

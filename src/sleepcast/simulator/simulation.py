@@ -146,6 +146,8 @@ class Simulator:
 
     def turn_over(self) -> Turnover | None:
         """The end of a tick: robots come and go as they have asked; None if none does."""
+        if self.population and self.senses.predation:
+            self.population.die(self.senses.predation.settle(self.population.staying))
         turnover = self.population.settle() if self.population else None
         if turnover is not None:
             self.bodies.turn_over(turnover)

@@ -241,6 +241,9 @@ def _bounds(scenario: Scenario) -> Iterator[tuple[str, float, float, float]]:
         yield "rad to the first beam", scenario.laser.first, -TURN, TURN
         yield "rad between beams", scenario.laser.increment, LEAST_FIELD / MAX_BEAMS, TURN
         yield "m in reach of a scanner", scenario.laser.reach, LEAST, MAX_WORLD
+    if scenario.predation is not None:
+        yield "m in reach of who eats", scenario.predation.reach, LEAST, MAX_WORLD
+        yield "m as a patch", scenario.predation.cell or MAX_WORLD, LEAST, MAX_WORLD
     stores = {store.name for store in scenario.robots.stores} | {""}
     yield "stocks", len(scenario.stocks), 0, MAX_STOCKS
     yield "stocks of no known store", len({stock.store for stock in scenario.stocks} - stores), 0, 0

@@ -214,6 +214,7 @@ class Bodies:
         shares = turnover.shares
         for column in self._columns.values():
             column[..., children] = column[..., parents]
+        self._know_values(children)
         shared = ~np.isnan(shares)
         for row in self.stores:
             given = row[parents] * shares
@@ -510,9 +511,13 @@ class Bodies:
         for place in self.scenario.places:
             self.known[first], self.known[first + 1] = place.x, place.y
             first += 2
-        for quantity in value_quantities(robots.groups):
-            self.known[first] = values_of(robots.groups, self.count, quantity.name)
-            first += 1
+        self._know_values(slice(None))
+
+    def _know_values(self, which: Whole | slice) -> None:
+        """Let these bodies know the values of their groups."""
+        groups, names = self.scenario.robots.groups, [sensor.name for sensor in self.sensors]
+        for quantity in value_quantities(groups):
+            self.known[names.index(quantity.name), which] = values_of(groups, self.count, quantity.name)[which]
 
     def _start_alike(self) -> None:
         """Set the initial state of the bodies of one type."""

@@ -81,6 +81,11 @@ class Population:
         """How many robots there are."""
         return int(np.count_nonzero(self.present))
 
+    @property
+    def staying(self) -> Flags:
+        """Which rows have a robot that does not go at the end of this tick, as far as it has asked for."""
+        return self.present & ~self._dying
+
     def rows_of(self, numbers: Floats) -> Floats:
         """The rows of the robots with these numbers, `NOBODY` where there is none."""
         rows, known = np.flatnonzero(self.present), self.numbers[self.present]

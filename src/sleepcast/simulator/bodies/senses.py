@@ -20,6 +20,7 @@ from sleepcast.simulator.bodies.bodies import Bodies, Floats
 from sleepcast.simulator.bodies.body import Sense
 from sleepcast.simulator.bodies.local_fields import LocalFields, field_functions
 from sleepcast.simulator.bodies.population import Turnover
+from sleepcast.simulator.bodies.predation import Predation, predation_functions
 from sleepcast.simulator.bodies.range_and_bearing import COLOUR, RangeAndBearing, neighbour_functions
 from sleepcast.simulator.bodies.seeing import Eyes, eye_functions
 from sleepcast.simulator.bodies.stocks import Stocks, stock_functions
@@ -38,7 +39,7 @@ CELLS_IN_REACH = 2.0
 
 class Senses:
     """The senses of all `bodies`. Light sensors and ping receivers write into its table of sensor values; neighbours
-    are sensed by functions that expressions call, see `functions_of`. stocks: None without any."""
+    are sensed by functions that expressions call, see `functions_of`. stocks, predation: None without any."""
 
     def __init__(self, bodies: Bodies) -> None:
         scenario = bodies.scenario
@@ -57,8 +58,11 @@ class Senses:
         self._near = RangeAndBearing(bodies, scenario.neighbours) if scenario.neighbours else None
         self.stocks = Stocks(bodies) if scenario.stocks else None
         self._fields = LocalFields(bodies) if scenario.fields else None
+        self.predation = None
+        if scenario.predation is not None and self._near is not None:
+            self.predation = Predation(bodies, scenario.predation, self._near)
         eyes = Eyes(bodies, self._near) if scenario.laser or scenario.camera else None
-        parts = (self._near, self.stocks, self._fields, eyes)
+        parts = (self._near, self.stocks, self._fields, self.predation, eyes)
         self._parts: dict[type, object] = {type(part): part for part in parts if part}
 
     def of(self, kind: type[Sense]) -> Sense:
@@ -170,7 +174,8 @@ class Senses:
 def functions_of(scenario: Scenario) -> tuple[HostFunction, ...]:
     """What expressions may call of the senses of a scenario's robots."""
     near = neighbour_functions(scenario.neighbours) if scenario.neighbours else ()
-    return (*near, *eye_functions(scenario), *stock_functions(scenario.stocks), *field_functions(scenario.fields))
+    world = (*stock_functions(scenario.stocks), *field_functions(scenario.fields))
+    return (*near, *eye_functions(scenario), *world, *predation_functions(scenario.predation))
 
 
 class _PingReceiver:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from sleepcast.channel.message_batch import NameIndex
 from sleepcast.core.errors import MisuseError
 from sleepcast.robot import BodyConstant
-from sleepcast.simulator.scenario.groups import RobotGroup
+from sleepcast.simulator.scenario.groups import RobotGroup, group_indices
 from sleepcast.simulator.scenario.robot_settings import MAX_ROBOTS, USUAL_ROOM, RobotSpec
 from sleepcast.simulator.scenario.robot_types import names_of, slices
 from sleepcast.simulator.scenario.scenario import Scenario
@@ -32,15 +32,22 @@ def comes_and_goes(scenario: Scenario) -> bool:
 def with_room(scenario: Scenario) -> Scenario:
     """The scenario with as many robots of each sort as there may be at one time. Raises MisuseError for too many."""
     counts = [part.stop - part.start for part in slices(scenario.each_type, scenario.robots.count)]
-    counted = zip(scenario.each_type, counts, strict=True)
-    specs = tuple(replace(spec, count=_room(spec, count)) for spec, count in counted)
+    specs = tuple(_roomy(*each) for each in zip(scenario.each_type, counts, strict=True))
     total = sum(spec.count for spec in specs)
     if total > MAX_ROBOTS:
         raise MisuseError(f"room for {total} robots is too much: at most {MAX_ROBOTS} fit. Say a lower most = ...")
     if not scenario.sorts:
-        return replace(scenario, robots=replace(scenario.robots, count=total))
-    groups = tuple(RobotGroup(spec.type, spec.count, {}) for spec in specs)
+        return replace(scenario, robots=specs[0])
+    groups = tuple(group for spec in specs for group in spec.groups or (RobotGroup(spec.type, spec.count, {}),))
     return replace(scenario, robots=replace(scenario.robots, count=total, groups=groups), sorts=specs)
+
+
+def _roomy(spec: RobotSpec, count: int) -> RobotSpec:
+    """A sort, and its groups, with as many robots as there may be at one time. count: at the start."""
+    room = _room(spec, count)
+    sizes = np.bincount(group_indices(spec.groups, room), minlength=len(spec.groups)) if spec.groups else ()
+    groups = tuple(replace(group, count=int(size)) for group, size in zip(spec.groups, sizes, strict=True))
+    return replace(spec, count=room, groups=groups)
 
 
 def _room(spec: RobotSpec, count: int) -> int:

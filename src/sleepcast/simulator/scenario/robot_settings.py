@@ -260,8 +260,8 @@ def _coming(robots: Table, count: int, groups: tuple[RobotGroup, ...]) -> tuple[
         return False, 0
     if robots.has("sonar") and robots.table("sonar").has("pause"):
         raise robots.error("hatch", "robots whose sonars fire one after the other do not come and go: leave pause out")
-    if groups:
-        raise robots.error("hatch", "robots of [robots.groups] do not come and go: make each group a table [[robots]]")
+    if len(groups) > 1:
+        raise robots.error("hatch", "robots of several groups do not come and go: make each group a table [[robots]]")
     most = robots.whole("most", low=1, high=MAX_ROBOTS) if robots.has("most") else 0
     changed = robots.document.is_changed(shown_key((*robots.where, "count")))
     if 0 < most < count and not changed:

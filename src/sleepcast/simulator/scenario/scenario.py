@@ -36,6 +36,7 @@ from sleepcast.simulator.scenario.operators import (
     refuse_robots,
 )
 from sleepcast.simulator.scenario.origin import written_origin
+from sleepcast.simulator.scenario.predation import PredationModel, read_predation
 from sleepcast.simulator.scenario.robot_settings import (
     BODY_NAMES,
     LEAST,
@@ -128,6 +129,7 @@ class Scenario:
     minds: what robots go by then
     sight: what walls and bodies hide
     laser, camera: of every robot, None without
+    predation: how robots eat others, None if they do not
     format: of its file
     origin: where it was found and what was changed in it, see `origin`; "" for one that was not found
     """
@@ -174,6 +176,7 @@ class Scenario:
     format: int = 1
     laser: LaserModel | None = None
     camera: CameraModel | None = None
+    predation: PredationModel | None = None
 
     @property
     def each_type(self) -> tuple[RobotSpec, ...]:
@@ -324,6 +327,7 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> t
             format=version,
             laser=read_laser(root, version),
             camera=read_camera(root, version),
+            predation=read_predation(root, gone=any(spec.hatch for spec in specs)),
         )
         refuse_many(root, scenario.laser, robots.count)
         if scenario.torus:
@@ -336,7 +340,9 @@ def _check_torus(root: Table, scenario: Scenario) -> None:
     least, tick = min(scenario.width, scenario.height), scenario.tick
     bodies = [4.0 * (spec.geometry.radius + 2.0 * spec.limits.speed * tick) for spec in scenario.each_type]
     sonars = [2.0 * spec.geometry.radius + spec.ring.most for spec in scenario.each_type if spec.ring]
-    signals = [each.reach for each in (scenario.pings, scenario.neighbours, scenario.camera) if each]
+    signals = [
+        each.reach for each in (scenario.pings, scenario.neighbours, scenario.camera, scenario.predation) if each
+    ]
     beams = [scenario.laser.reach + max(spec.geometry.radius for spec in scenario.each_type)] if scenario.laser else []
     for far, what in (
         (bodies, "their bodies move"),

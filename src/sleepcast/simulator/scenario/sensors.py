@@ -7,6 +7,7 @@ from math import inf, pi
 from sleepcast.core.model import Quantity
 from sleepcast.simulator.scenario.fields import field_sensors
 from sleepcast.simulator.scenario.groups import value_quantities
+from sleepcast.simulator.scenario.predation import predation_sensors
 from sleepcast.simulator.scenario.robot_settings import Ring
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.signals import signal_sensors
@@ -41,6 +42,7 @@ def sensors_of(scenario: Scenario) -> tuple[Quantity, ...]:
         *signal_sensors(scenario.lights, scenario.pings, length),
         *stock_sensors(scenario.stocks, length),
         *field_sensors(scenario.fields),
+        *predation_sensors(scenario.predation),
     )
 
 

@@ -102,7 +102,9 @@ class Roster:
         """Other robots, or none, are at these places, and nobody has heard them yet. names: by place, "" for none."""
         self.names = names
         self.heard[changed] = self.reported[changed] = -inf
-        self._everybody = _named(names)
+        before = np.arange(len(names)) if self._everybody is None else self._everybody
+        there = [place for place in changed.tolist() if names[place]]
+        self._everybody = np.union1d(np.setdiff1d(before, changed), np.array(there, np.intp))
         self.size = len(self._everybody)
 
     def by_name(self) -> dict[str, float | None]:

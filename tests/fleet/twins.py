@@ -14,6 +14,7 @@ from sleepcast.core.errors import SleepcastError
 from sleepcast.fleet import Fleet, RobotView
 from sleepcast.language import Vocabulary
 from sleepcast.mind.authority import Tells
+from sleepcast.mind.instants import EqualClocks
 from sleepcast.node.node import Node
 
 
@@ -54,6 +55,8 @@ class Twins:
             Node(name, own, number=number, seed=seed, body=body, lease=lease, tells=tells, on_air=on_air)
             for name, number, body in zip(names, numbers, self.there, strict=True)
         ]
+        for node in self.nodes:
+            node.timing.clocks = EqualClocks()
         self.views = list(self.fleet.values())
         self.sent = self.tick = 0
         self.now = 0.0

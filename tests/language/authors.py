@@ -75,9 +75,12 @@ class Author:
         return self.expression(Place(), self.deepest)
 
     def whole(self) -> str:
-        """The same, and now and then a command that chooses among robots, which is a whole message."""
+        """The same, and now and then a command that chooses among robots, or is about an instant for all, which is a
+        whole message."""
         if self.chance.randrange(60):
             return self.text()
+        if self.chance.randrange(4) == 0:
+            return self.one_of(("(CANCEL)", "(WHEN fuel (CANCEL))", f"(AFTER-ISSUE 2s {self.text()})"))
         place, calls, self.calls = Place(), self.calls, self.looking
         looked = self.several(place, 2, 2, 2)
         self.calls = calls

@@ -174,7 +174,7 @@ class Reference:
         if isinstance(form, Symbol):
             return self.name(form, scope)
         head = head_of(form)
-        gives_way = head in ("area", "inside", "to-edge", "of", *CHOOSING) or head in AROUND
+        gives_way = head in ("area", "inside", "to-edge", "of", "after-issue", "cancel", *CHOOSING) or head in AROUND
         if head in SPECIAL and not (gives_way and head in self.operators):
             return float(SPECIAL[head](self, arguments(form), scope))
         if head in PURE:
@@ -360,6 +360,14 @@ class Reference:
 
     def do_quorum(self, forms: Sequence[Form], scope: Scope) -> float:
         return self.choosing("QUORUM", forms[2], scope)
+
+    # ---- an instant for all ----
+
+    def do_after_issue(self, forms: Sequence[Form], scope: Scope) -> float:
+        return self.fault("AFTER-ISSUE counts from the issue of a command that is sent")
+
+    def do_cancel(self, forms: Sequence[Form], scope: Scope) -> float:
+        return 0.0  # nothing waits
 
     # ---- assignment ----
 

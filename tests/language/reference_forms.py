@@ -31,7 +31,7 @@ FLAGS = {
     "unmark": ("marked", 0.0),
 }
 """Acts that set a support flag, and to what."""
-ACTING = (NAMING | {"setq", "defvar", "lease", "report", "print", "tell", "ping", "rollback", *FLAGS}) - {
+ACTING = (NAMING | {"setq", "defvar", "lease", "report", "print", "tell", "ping", "rollback", "cancel", *FLAGS}) - {
     "in", "inside", "to-edge", QUOTE,
 }  # fmt: skip
 """Calls that change the robot or speak."""
@@ -78,6 +78,8 @@ def evaluated(form: Form) -> list[Form]:
         return rest[:1]
     if chooses(form):
         return rest[CHOOSING[head] : 4]
+    if head == "after-issue":
+        return rest[1:]
     if head == "tell":
         return [] if is_call(rest[0], QUOTE) else list(unquoted(rest[0]))
     if head in ("setq", "lease", "defvar", "dotimes"):

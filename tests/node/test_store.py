@@ -20,6 +20,7 @@ from sleepcast.channel import Kind, Message
 from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.core.clock import ManualClock
 from sleepcast.mind.auction import GrantMessage
+from sleepcast.mind.instants import EqualClocks
 from sleepcast.node.node import Node
 from sleepcast.node.state import mind_of
 from sleepcast.node.store import InUseError, Store, StoreError
@@ -147,6 +148,25 @@ def test_what_a_robot_is_by_a_lease_ends_with_its_life_and_a_bid_does_too(tmp_pa
     ]
     assert robot.world.done == []
     assert mind_of(robot.node).endings == ()
+
+
+def test_what_waits_for_an_instant_outlives_a_robot_and_what_came_meanwhile_is_told(tmp_path: Path) -> None:
+    fleet, robot = one(tmp_path)
+    robot.node.timing.clocks = EqualClocks()
+    soon, later = fleet.post("(AFTER-ISSUE 1s (NOTE 1))"), fleet.post("(AFTER-ISSUE 4s (NOTE 2))")
+    fleet.run(0.3)
+    assert [m.body["waiting"] for m in robot.answers] == [True, True]
+    robot.die()
+    fleet.air.run(1.0)
+    robot.begin()
+    robot.node.timing.clocks = EqualClocks()
+    fleet.run(4.0)
+    assert robot.world.done == [2.0]
+    first, second = robot.answers[2:]
+    assert (first.body["command"], first.body["outcome"]) == (soon.id, "fault")
+    assert str(first.body["fault"]).startswith("its instant came while the robot was restarted")
+    assert (second.body["command"], second.body["outcome"]) == (later.id, "matched")
+    assert mind_of(robot.node).waiting == ()
 
 
 def test_a_rule_that_a_later_command_has_changed_outlives_the_lease_and_a_restart(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import AsyncGenerator, Awaitable, Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from datetime import datetime
 from math import inf
 from threading import Event, Lock
 from typing import TYPE_CHECKING, Concatenate, ParamSpec, Self, TypeVar, cast, overload
@@ -19,7 +20,7 @@ from sleepcast.api.results import CommandResult
 from sleepcast.api.table import DataTable, Numbers, Texts
 from sleepcast.channel import Kind
 from sleepcast.core.errors import MisuseError, SleepcastError
-from sleepcast.core.given_numbers import in_seconds
+from sleepcast.core.given_numbers import in_seconds, read_seconds
 from sleepcast.language import Checked, Explanation, check
 from sleepcast.language.learned_names import LearnedNames
 from sleepcast.station import Command, Preview, Station
@@ -220,6 +221,7 @@ class Fleet(ABC):
         but: Sequence[str] | None = ...,
         sure: bool = ...,
         by: str = ...,
+        at: float | str | datetime | None = ...,
     ) -> CommandResult: ...
     @overload
     def send(
@@ -244,6 +246,7 @@ class Fleet(ABC):
         but: Sequence[str] | None = None,
         sure: bool = False,
         by: str = "",
+        at: float | str | datetime | None = None,
     ) -> CommandResult | list[CommandResult]:
         """Broadcast an expression. Raises what `Station.send` raises. A `Mission`, or a text that begins with a time,
         is a script: see `play`, whose list of results it gives. Its lines say themselves whether they are standing, for
@@ -261,20 +264,30 @@ class Fleet(ABC):
             UserWarning.
         by: the operator who sends it, "" for the first (see `operators`); from then on robots hear that this one is
             present, and go on as they are driven.
+        at: the instant at which all obey at once, at most an hour ahead: robots store the command and wait. In a
+            simulated run its time, in s or as a text such as "12s"; on the air a time of day ("12:30:05"), a datetime,
+            or s of Unix time. None for as soon as they hear it.
         """
         if not isinstance(text, str) or is_script(text):
-            if standing or deadline is not None or only is not None or but is not None or by:
+            if standing or deadline is not None or only is not None or but is not None or by or at is not None:
                 raise MisuseError(
                     "a script says line by line what is standing, within which time, for whom and by whom: @5s as anna "
                     "standing (...)"
                 )
             return self.play(text, wait=wait, everybody=everybody, count=count, sure=sure)
         wait, within = in_seconds(wait, "wait"), None if deadline is None else in_seconds(deadline, "deadline")
-        terms = Terms(standing, within, everybody, Audience.of(only, but), anyway=sure, undecided=True)
+        instant = None if at is None else self._instant(at)
+        terms = Terms(standing, within, everybody, Audience.of(only, but), anyway=sure, undecided=True, at=instant)
         desk = self._sitting(by)
         prepared = self._prepare(text, terms, desk)
         self._warn(prepared)
         return self._until(self._commit(desk, prepared, count, sure), wait)
+
+    def _instant(self, at: float | str | datetime) -> float:
+        """A moment in the time of the desk, s. Raises MisuseError."""
+        if isinstance(at, datetime):
+            raise MisuseError("a simulated run has no time of day: wanted its time in s, or a text such as 12s")
+        return read_seconds(at, "cannot obey at")
 
     def _commit(self, desk: Station, prepared: Prepared, count: int | None, sure: bool) -> Command:
         with self._turn():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, closing
+from datetime import datetime
 from math import ceil, inf
 from os import PathLike, fspath
 from pathlib import Path
@@ -20,6 +21,7 @@ from sleepcast.api.progress import steps
 from sleepcast.api.results import CommandResult
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.given_numbers import in_seconds, read_seconds
+from sleepcast.core.time_of_day import instant_of
 from sleepcast.language import Explanation
 from sleepcast.station import Command, Preview, Station, asking
 from sleepcast.station.asking import AHEAD, ask_why, look_around, may_be_known_to_robots, prepare_with_robots
@@ -89,7 +91,10 @@ class ConnectedFleet(Fleet):
         self._looked = -inf  # robots may have changed
         if seconds:
             with self._turn():
-                self.station.gather(sent, seconds)
+                if sent.instant is None:
+                    self.station.gather(sent, seconds)
+                else:  # which may be an hour ahead
+                    self.station.wait_until(lambda: not sent.n_silent, self.station.now + seconds)
         self._changed()
         return CommandResult(self, sent)
 
@@ -101,6 +106,11 @@ class ConnectedFleet(Fleet):
             if self.station.now - self._looked > FRESH:
                 look_around(self.station, self.telemetry)
                 self._looked = self.station.now
+
+    def _instant(self, at: float | str | datetime) -> float:
+        if isinstance(at, datetime):
+            return at.timestamp()
+        return instant_of(at, self.station.now) if isinstance(at, str) else super()._instant(at)
 
     def _prepare(self, text: str, terms: Terms, desk: Station) -> Prepared:
         with self._turn():

@@ -85,6 +85,17 @@ class CommandResult:
         return self.account.unknown
 
     @property
+    def waiting(self) -> tuple[str, ...]:
+        """The robots that wait for the instant of a command with AFTER-ISSUE, or of one that was sent with `at`."""
+        return self.account.waiting
+
+    @property
+    def instant(self) -> float | None:
+        """That instant, in the time of the desk: s of a simulated run, or of Unix time; None if it waits for
+        nothing."""
+        return self.account.instant
+
+    @property
     def fault(self) -> tuple[str, ...]:
         """The robots on which something went wrong."""
         return self.account.fault

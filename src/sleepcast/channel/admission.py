@@ -72,6 +72,8 @@ _TIMELY = 60.0
 TIMES_A_SECOND = 200.0
 """Signatures of possible answers to its time request that a robot without a clock checks in a second. Only messages
 that contain its nonce count."""
+_TELLS_OTHERS = b"\x64time\x50"
+"""What is in a heartbeat that answers another robot's question for the time, and in no other: it is not verified."""
 _MAX_TIMELY = 64
 """Operators for which the time of their last timely message is remembered, or that their clocks differ; beyond, the one
 that has been silent longest is dropped. Each has one name."""
@@ -303,6 +305,8 @@ class Admission:
         if part.kind in TO_OPERATOR if self.robot else part.kind in _TO_ROBOTS and key.role is Role.ROBOT:
             return DropReason.NOT_FOR_US
         tells_time = bool(self.nonce) and self._tells_time(part)
+        if self.robot and not tells_time and part.kind is Kind.HEARTBEAT and _TELLS_OTHERS in part.payload:
+            return DropReason.NOT_FOR_US
         untimely = None if part.kind in self._timeless or tells_time else self._untimely(part, now)
         if untimely is not None and not self._may_tell_why(part, key):
             return untimely

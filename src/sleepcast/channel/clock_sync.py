@@ -23,6 +23,7 @@ from sleepcast.channel.message import TIME, Message
 from sleepcast.core.backoff import Backoff
 from sleepcast.core.clock import MADE
 from sleepcast.core.errors import listed
+from sleepcast.core.records import NamedTuple
 
 ENOUGH, LATEST = 3, 16
 """Heartbeats needed to measure an offset, and the number of latest ones used: those of some five seconds."""
@@ -33,6 +34,14 @@ LEAST = 0.05
 MAX_OFFSETS = 64
 """Senders with known offsets; beyond, the one that has been silent longest is dropped. Only operators send heartbeats,
 and each has one name."""
+
+
+class ClockBound(NamedTuple):
+    """What is known of another party's clock. ahead: s by which our clock is ahead of it; bound: by how many s that may
+    be wrong at most."""
+
+    ahead: float
+    bound: float
 
 
 class ClockOffsets:

@@ -32,8 +32,22 @@ from sleepcast.channel.baselines import is_base, message_of, missing_of, rebase
 from sleepcast.channel.clock_sync import MAX_TRIP, NONCE_BYTES, TimeRequest
 from sleepcast.channel.envelope import MAX_PARTS, Fragment, encode
 from sleepcast.channel.keys import MAY, KeyChange, KeyPair, KeyRefusal
-from sleepcast.channel.message import BASES, BID, GRANTS, KEYS, ONLY, TIME, Kind, Message, Role, age_of, message_id
+from sleepcast.channel.message import (
+    BASES,
+    BID,
+    GRANTS,
+    KEYS,
+    ONLY,
+    TIME,
+    WHOSE,
+    Kind,
+    Message,
+    Role,
+    age_of,
+    message_id,
+)
 from sleepcast.channel.repair_timer import RepairTimer
+from sleepcast.channel.round_trips import RoundTrips
 from sleepcast.channel.sequencer import (
     MAX_STREAMS,
     CatchingUp,
@@ -189,6 +203,8 @@ class ReliableDelivery:
         self._tie = count()
         self._time_request: TimeRequest | None = None
         self._time_replies = RateLimit(TIME_REPLIES_A_SECOND, TIME_REPLIES_A_SECOND, chance, 0.0)
+        self.trips = RoundTrips(chance)
+        """By which the clocks of those who command us are measured."""
         self._repair_bytes = RepairBudget()
         self._conflicts = admission.conflicts
         if admission.robot:
@@ -367,9 +383,12 @@ class ReliableDelivery:
         if message.kind is Kind.HEARTBEAT:
             request = self._time_request
             behind = None if request is None else request.answer(message, now)
-            if request is not None and behind is not None:
+            if self.trips.hear(message, now):
+                self.admission.nonce = b""
+            elif request is not None and behind is not None:
                 self._time_request = None
                 self.admission.forget_clocks()
+                self.trips.clear()
                 request.set_clock(behind, message.sender)
                 self.sequencer.since = now + behind  # do not wait for messages that were dropped until now
                 self._conflicts.begin(now + behind)
@@ -377,7 +396,7 @@ class ReliableDelivery:
             Kind.HEARTBEAT in MAY[self.role]
             and (isinstance(nonce, bytes) and len(nonce) == NONCE_BYTES)
             and now >= MADE  # we do not reply if our own clock is plainly wrong
-            and self._time_replies.take(now)
+            and (self.trips.replies(message, self.name, now) if WHOSE in message.body else self._time_replies.take(now))
         ):
             self.post(Kind.HEARTBEAT, now, deadline=now + MAX_TRIP, body={TIME: nonce})
 
@@ -583,6 +602,9 @@ class ReliableDelivery:
         if self._time_request is not None and self._time_request.due <= now:
             self._send(Kind.REPORT, self._time_request.question(now), now)
             self.admission.nonce = self._time_request.nonce
+        elif self._time_request is None and self.trips.due() <= now and (asks := self.trips.question(now)):
+            self._send(Kind.REPORT, asks, now)
+            self.admission.nonce = self.trips.nonce
         if self._digest_timer.is_due(now) or self._conflicts.due() <= now:
             self._send(Kind.DIGEST, self._digest(now) | self._conflicts.introduction(now), now)
         return self.posted(), freed
@@ -590,7 +612,7 @@ class ReliableDelivery:
     def due(self) -> float:
         """When to call `step` next, s of Unix time; earlier calls do no harm."""
         later = min(self._later[0].time if self._later else inf, self._stop_repeats.time)
-        ask = inf if self._time_request is None else self._time_request.due
+        ask = self.trips.due() if self._time_request is None else self._time_request.due
         digest = min(self._digest_timer.due(), self._conflicts.due())
         return -inf if self._out else min(later, ask, self.sequencer.due(), digest)
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from sleepcast.cli.streams import put
 from sleepcast.core.errors import printable
+from sleepcast.core.units import value_in_words
 
 if TYPE_CHECKING:
     from sleepcast.core.model import RestState
@@ -39,7 +40,15 @@ def as_dict(command: Command, account: Account) -> dict[str, object]:
     more = census(account) if command.kind == ASK else resting(account.rest) if account.rest is not None else {}
     conflicts = {"conflicts": dict(account.conflicts)} if account.conflicts else {}
     auction = {} if account.auction is None else {"auction": account.auction.to_dict()}
-    return {**about, **counts, **faults, **conflicts, **auction, **more}
+    instant: dict[str, object] = {} if account.instant is None else at_instant(account)
+    return {**about, **counts, **faults, **conflicts, **auction, **instant, **more}
+
+
+def at_instant(account: Account) -> dict[str, object]:
+    """Who waits for the instant of a command, when that is, in s of the desk's clock, and by how many s a robot may
+    have missed it at most, None while none has obeyed."""
+    bound = None if account.bound != account.bound else account.bound
+    return {"instant": account.instant, "bound": bound, **_counted({"waiting": account.waiting})}
 
 
 def resting(rest: RestAccount) -> dict[str, object]:
@@ -133,6 +142,10 @@ def account_lines(command: Command, account: Account, vocabulary: Vocabulary | N
                 yield f"  {listed('outbid', names)} by {printable(', '.join(by))}"
         if account.n_unknown:
             yield f"  {listed('test unknown', account.unknown)}"
+        if account.n_waiting:
+            yield f"  {listed('waiting', account.waiting)}"
+        elif account.bound == account.bound:
+            yield f"  at the instant, each within {value_in_words(account.bound, 's')}"
         if account.n_held:
             yield f"  {listed('held by STOP, so they did not move', account.held)}"
     if account.n_not_stored:

@@ -24,11 +24,12 @@ COUNTED = {
     "not_stored": "not stored",
     "not_matched": "did not match",
     "unknown": "unknown",
+    "waiting": "waiting",
     "fault": "fault",
     "silent": "silent",
 }
 """What is counted of a command, and how it is said."""
-RARE = frozenset({"held", "unknown", "not_stored"})
+RARE = frozenset({"held", "unknown", "waiting", "not_stored"})
 """What is only said where it happened."""
 
 

@@ -28,6 +28,7 @@ from sleepcast.language.parts import ONLY_PRIORITY, rank_of
 from sleepcast.loop import vocabulary_of
 from sleepcast.loop.real import EmbodiedMind, TickTiming, run_robots
 from sleepcast.mind.authority import Tells
+from sleepcast.mind.instants import MeasuredClocks, UnknownClocks
 from sleepcast.node.node import Node
 from sleepcast.node.store import Store
 from sleepcast.simulator.scenario.mission import Order, parse_mission
@@ -146,6 +147,7 @@ class NodeProcess:
         self.node.zero = self.node.clock.now()
         if self.session is not None:
             self.session.zero = self.node.zero
+            self.node.timing.clocks = MeasuredClocks(self.session.delivery.trips, lambda: self.node.zero)
             if seeks_time:
                 seek_time(self.session.delivery, self.session, [self.node, self.session], complain)
         if self.store is not None and self.store.adopt(
@@ -183,6 +185,8 @@ class NodeProcess:
             self._unit_of,
         )
         start = clock.now() if in_step else 0.0
+        if in_step:  # its time is not that of those who send
+            self.node.timing.clocks = UnknownClocks()
         session = self.session
         keeper = self.store if session is None else keeper_for([self.node], session.delivery, self.store)
         return EmbodiedMind(

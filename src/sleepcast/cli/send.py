@@ -14,6 +14,7 @@ from sleepcast.cli.air import operator
 from sleepcast.cli.options import NegativeNumbersAllowed, QuantityType
 from sleepcast.cli.streams import complain, put, somebody_there
 from sleepcast.core.errors import and_more
+from sleepcast.core.time_of_day import instant_of, time_of_day
 from sleepcast.core.units import TIME
 
 if TYPE_CHECKING:
@@ -58,6 +59,7 @@ anyway_option = click.option(
     type=QuantityType(),
     help="Time until it expires (default: 5s, 7.5s for BEST and QUORUM).",
 )
+@click.option("--at", metavar="TIME", help="Time of day at which all obey at once, within the next hour: 12:30:05.")
 @click.option(
     "--staged", is_flag=True, help="Send it to one robot, then to a tenth, then to all, until something fails."
 )
@@ -75,6 +77,7 @@ def send(
     only: str | None,
     count: int | None,
     deadline: float | None,
+    at: str | None,
     staged: bool,
     hold: float | None,
     strict: bool,
@@ -91,13 +94,19 @@ def send(
     PROB of 50) must be confirmed, or sent with --anyway. A driven robot stops by itself when it hears no operator for a
     second; --hold keeps it moving until those seconds are over, or Ctrl-C.
 
+    With --at, robots store the command and obey at that moment, all at once, as well as they know your clock; until
+    then they answer that they wait. (AFTER-ISSUE 3s ...) does the same so long after it was sent.
+
     \b
     Examples:
       sleepcast send '(WHEN (> fuel 50%) (JOIN bravo))'
       sleepcast send --standing --all '(RULE rest (WHEN (< fuel 10%) (SLEEP)))'
       sleepcast send --only r7 --hold 10s '(SETQ drive_speed 1m/s)'
       sleepcast send --staged --count 48 '(WHEN (> fuel 20%) (GOTO 10mi 5mi))'
+      sleepcast send --at 12:30:05 '(WHEN (IN bravo) (SETQ drive_speed 1m/s))'
+      sleepcast send '(CANCEL)' --all
     """
+    from sleepcast.core.clock import UnixClock
     from sleepcast.station.prepared import Terms
     from sleepcast.station.validation import Audience
 
@@ -106,7 +115,8 @@ def send(
     audience = Audience(None if only is None else only.replace(",", " ").split())
     if audience.only == []:
         raise click.UsageError("--only names nobody: wanted robots, as in --only r1,r2")
-    terms = Terms(standing, deadline, everybody, audience, anyway=anyway)
+    instant = None if at is None else instant_of(at, UnixClock().now())
+    terms = Terms(standing, deadline, everybody, audience, anyway=anyway, at=instant)
     with observing_station(air, complain, strict=strict) as (station, telemetry):
         station.holding = hold is not None
         prepared = station.prepare(text, terms) if blind else _prepare_with_robots(station, telemetry, text, terms)
@@ -265,6 +275,8 @@ def release(air: AirOptions, as_json: bool) -> int:
 
 def gathered(station: NetworkStation, sent: Command, patience: float, as_json: bool) -> int:
     """Collect the answers, and print the account. The exit status is 1 if anything went wrong on a robot."""
+    if sent.instant is not None:
+        complain(f"robots wait for {time_of_day(sent.instant)}; (CANCEL) or STOP discards it")
     station.gather(sent, patience)
     station.settle(sent, patience)
     account = station.accounting(sent.id)

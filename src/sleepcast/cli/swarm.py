@@ -154,6 +154,7 @@ def _crew(stack: ExitStack, air: AirOptions, wanted: SwarmOptions, store: Store 
     from sleepcast.core.counter_rng import key
     from sleepcast.loop import vocabulary_of
     from sleepcast.loop.real import Member, NetworkSwarm
+    from sleepcast.mind.instants import MeasuredClocks
     from sleepcast.node.node import Node
     from sleepcast.simulator import (
         Changes,
@@ -198,6 +199,7 @@ def _crew(stack: ExitStack, air: AirOptions, wanted: SwarmOptions, store: Store 
     for member in members:
         member.node.zero = member.session.zero = zero
         member.node.clock = UnixClock()
+        member.node.timing.clocks = MeasuredClocks(receiver.delivery.trips, lambda: receiver.zero)
     everybody = [each for member in members for each in (member.node, member.session)]
     seek_time(receiver.delivery, sessions[0], [receiver, *everybody], complain)
     guard = None if limits is None else SafetyLimits(simulator, limits)

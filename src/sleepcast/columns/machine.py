@@ -20,7 +20,7 @@ from sleepcast.columns.evaluation import Evaluation, Programs
 from sleepcast.columns.neighbours import Fold, NeighbourLists, PairRows, reduced
 from sleepcast.columns.values import Column, Index, Mask, Rows
 from sleepcast.language.evaluate import is_true, too_deep
-from sleepcast.language.functions import AMONG_ROBOTS
+from sleepcast.language.functions import AMONG_ROBOTS, NO_INSTANT
 from sleepcast.language.numerics import normal
 from sleepcast.language.parts import Part, host_of, is_acting, walk
 from sleepcast.language.program import Program
@@ -471,6 +471,7 @@ _EVALUATORS: dict[str, Callable[[Sweep, Part, Rows], Column]] = {
     "host": lambda w, p, r: w.memory.host(p, r, *w.all(p.parts, r)),
     "missing": lambda w, p, r: w.memory.fault(p, r, f"this robot has no function {p.name}"),
     "auction": lambda w, p, r: w.memory.fault(p, r, f"{p.name} chooses {AMONG_ROBOTS}"),
+    "timed": lambda w, p, r: w.memory.fault(p, r, NO_INSTANT),
     "in": _in,
     "prob": _prob,
     "dice": _dice,

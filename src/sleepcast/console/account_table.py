@@ -120,7 +120,7 @@ class AccountTable:
         late = self._swarm.now() + self._began - command.message.issued > ON_ITS_WAY
         waiting = held_up if held_up and not late and command.n_silent else ""
         bids = 0 if command.auctioneer is None else command.auctioneer.version
-        counts = len(command.answers), command.addressed, command.rest.version, bids
+        counts = command.answers.version, command.addressed, command.rest.version, bids
         state = *counts, waiting, self.failing.of(command.id)
         if before is not None and before[0] == state:
             return before

@@ -135,7 +135,8 @@ class RobotView:
     @property
     def awake(self) -> bool:
         """See `Node.awake`."""
-        busy = self._fleet.waiting(self.index) > 0 or self.index in self._fleet.bids.busy
+        fleet = self._fleet
+        busy = fleet.waiting(self.index) > 0 or self.index in fleet.bids.busy or bool(fleet.timing.busy[self.index])
         return busy or bool(self._mind.running) or self.driven
 
     @property
@@ -342,7 +343,7 @@ class Fleet(Mapping[str, RobotView]):
         self.scheduler = BatchScheduler(self.memory, self.authority)
         self._bodies = FleetBodies(self.state, bodies, self.authority)
         self._obeying = Obeying(self.memory, self.evaluation_log, self.authority, self._look, on_air=on_air)
-        self.bids = self._obeying.bids
+        self.bids, self.timing = self._obeying.bids, self._obeying.timing
         self.telemetry = FleetTelemetry(self.state, self.minds, self._bodies)
         """The latest telemetry of each robot."""
         self._read_set = ReadSet(self.memory)
@@ -462,7 +463,7 @@ class Fleet(Mapping[str, RobotView]):
     @property
     def awake(self) -> Mask:
         """Which robots have anything to do in the next tick: a message, a bid, active rules, or a driven body."""
-        awake = self.inbox.waiting > 0
+        awake = (self.inbox.waiting > 0) | self.timing.busy
         awake[self.bids.busy] = True
         awake |= self.memory.where(self.rows(), _runs)
         awake[self.authority.driven().index] = True
@@ -471,7 +472,8 @@ class Fleet(Mapping[str, RobotView]):
     def awake_rows(self) -> Rows:
         """The robots that are awake."""
         everybody = self.rows()
-        if self.inbox.empty and not self.authority.driven().size and not self.bids.busy:
+        idle = self.inbox.empty and not self.bids.busy and not self.timing.is_busy
+        if idle and not self.authority.driven().size:
             groups = self.memory.divide(everybody, lambda number: _runs(self.minds[number]))
             return next((rows for running, rows, _ in groups if running), Rows.run(0, 0))
         return everybody.take(self.awake)
@@ -506,6 +508,7 @@ class Fleet(Mapping[str, RobotView]):
         if message.kind is Kind.STOP:  # whoever hears it stops; only those that it is addressed to answer
             stopped, released = self._bodies.obey_stop(message, Rows.of(heard))
             self.bids.stop(stopped.robots)
+            self.timing.stop(stopped, message)
             self.outbox.answer_alike(message, Rows.of(np.intersect1d(stopped.robots, meant)), "stopped")
             self.outbox.answer_alike(message, released, "fault", ENDED)
         elif message.kind is Kind.RELEASE:
@@ -588,9 +591,7 @@ class Fleet(Mapping[str, RobotView]):
             self.authority.let_go(unattended)
             self.outbox.report(self._bodies.let_go(unattended), AT_REST)
         end_leases(self.memory, rows, now)
-        for message, some in self.inbox.take(rows):
-            self._obeying.obey(message, some, now)
-        self.bids.tick(rows, now)
+        self._obeying.obey_all(self.inbox.take(rows), rows, now)
         resting = self._bodies.resting(rows)
         self._run_rules(rows if resting is None else rows.take(~resting))
         self.end_round(rows)

@@ -69,6 +69,11 @@ HostResults: TypeAlias = tuple[Rows, Column | NeighbourLists | Sequence[HostResu
 """What the robots' own functions have given: robots, and what each of them has."""
 
 
+def nobody_waits(rows: Rows) -> Column:
+    """What CANCEL discards where nobody has sent what is evaluated."""
+    return np.zeros(rows.size)
+
+
 class FleetMemory(FleetEvaluation):
     """See the module.
 
@@ -102,6 +107,8 @@ class FleetMemory(FleetEvaluation):
         """The auctions that a robot calls, None while it is stopped."""
         self.childless = ""
         """Why no robot comes or goes while robots evaluate what they do, "" if they may."""
+        self.cancel: Callable[[Rows], Column] = nobody_waits
+        """Discards what waits on these robots of the sender whom they obey; gives how many each has had."""
         self.hops = MAX_HOPS
         """How many hops a TELL may travel: fewer while robots evaluate what another one has told them."""
 
@@ -587,6 +594,10 @@ def _ping(memory: FleetMemory, part: Part, rows: Rows, caste: Column | None = No
     return values
 
 
+def _cancel(memory: FleetMemory, part: Part, rows: Rows) -> Column:
+    return memory.cancel(rows)
+
+
 ACTS: dict[str, Act] = {
     "join": _join,
     "leave": _leave,
@@ -598,5 +609,6 @@ ACTS: dict[str, Act] = {
     "rollback": _rollback,
     "report": _report,
     "tell": _tell,
+    "cancel": _cancel,
     "ping": _ping,
 }

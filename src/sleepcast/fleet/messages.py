@@ -8,7 +8,7 @@ takes a bit each.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import inf
 
 import numpy as np
@@ -123,9 +123,16 @@ class Outbox:
         """Send the answers to a message from each of these robots."""
         self.say(Kind.ANSWER, rows, answers)
 
-    def answer_alike(self, message: Message, rows: Rows, outcome: str, fault: str = "") -> None:
+    def answer_alike(
+        self,
+        message: Message,
+        rows: Rows,
+        outcome: str,
+        fault: str = "",
+        details: Mapping[str, object] | None = None,
+    ) -> None:
         """Give the same answer on each of these robots."""
-        self.answer(rows, AnswerColumns.alike(message.id, rows.size, outcome, fault=fault))
+        self.answer(rows, AnswerColumns.alike(message.id, rows.size, outcome, fault=fault, details=details))
 
     def ping(self, rows: Rows, castes: Column) -> None:
         """PING on each of these robots."""

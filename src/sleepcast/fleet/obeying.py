@@ -19,15 +19,16 @@ from sleepcast.core.records import dataclass
 from sleepcast.fleet.authority import FleetAuthority
 from sleepcast.fleet.bidding import FleetBids
 from sleepcast.fleet.inspection import EvaluationLog, LogEntry, rehearsal
-from sleepcast.fleet.memory import FleetMemory
+from sleepcast.fleet.memory import FleetMemory, nobody_waits
 from sleepcast.fleet.state import MindNames
+from sleepcast.fleet.timing import FleetTiming
 from sleepcast.language.explain import foretell
 from sleepcast.language.functions import MAX_HOPS
-from sleepcast.language.parts import auction_of
+from sleepcast.language.parts import auction_of, timed_of
 from sleepcast.language.program import Program
 from sleepcast.language.reader import read
 from sleepcast.mind.authority import bars, bars_population, driver_of, outcome_of_keys
-from sleepcast.mind.inspection import Details, foretold
+from sleepcast.mind.inspection import NOTHING, Details, foretold
 from sleepcast.mind.merging import CommandOrder, comes_after, place_of
 
 
@@ -72,6 +73,8 @@ class Obeying:
         self._memory, self._outbox, self._log, self._authority = memory, memory.outbox, log, authority
         self._look, self._on_air, self.zero = look, on_air, 0.0
         self.bids = FleetBids(memory, authority, self)
+        self.timing = FleetTiming(memory.state, memory.outbox, self._is_held_still, self._obey_text)
+        """Commands that wait for their instants."""
         if on_air:
             memory.drivers = authority.drivers
 
@@ -103,8 +106,15 @@ class Obeying:
         memory.undecided = memory.moved = None
         return outcome
 
-    def obey(self, message: Message, rows: Rows, now: float) -> None:
-        """Deal with a message that has waited on these robots."""
+    def obey_all(self, messages: Sequence[tuple[Message, Rows]], rows: Rows, now: float) -> None:
+        """Deal with the messages that have waited on robots among these, then with bids, and then with what is due."""
+        for message, some in messages:
+            self._obey(message, some, now)
+        self.bids.tick(rows, now)
+        if self.timing.is_busy:
+            self.timing.run(rows, now)
+
+    def _obey(self, message: Message, rows: Rows, now: float) -> None:
         asked = message.kind is Kind.ASK
         if now > message.deadline:
             self._outbox.answer_alike(message, rows, "late")
@@ -118,30 +128,45 @@ class Obeying:
         else:
             self._obey_text(message, rows, now)
 
-    def _obey_text(self, message: Message, rows: Rows, now: float) -> None:
+    def _is_held_still(self, rows: Rows) -> Mask:
+        """See `Node.is_held_still`."""
+        held: Mask = self._memory.state.stopped[rows.index].copy()
+        held[rows.indices_of(self._authority.behind(rows).robots)] = True
+        return held
+
+    def _obey_text(self, message: Message, rows: Rows, now: float, details: Details = NOTHING) -> None:
+        """details: of the answers to a command."""
         for compiled, some in self.programs(message.text, rows, asked=message.kind is Kind.ASK):
             if isinstance(compiled, str):
-                self._outbox.answer_alike(message, some, "fault", compiled)
+                self._outbox.answer_alike(message, some, "fault", compiled, details)
                 continue
+            timed = timed_of(compiled.root)
             for why, few in self._authority.objections(message, compiled, some, now):
                 if why:
-                    self._outbox.answer_alike(message, few, "fault", why)
+                    self._outbox.answer_alike(message, few, "fault", why, details)
                 elif message.kind is Kind.ASK:
                     self._foretell(message, compiled, few)
                 elif (auction := auction_of(compiled.root)) is not None:
                     self.bids.poll(message, auction, few, now)
+                elif timed is not None:
+                    self.timing.hear(message, timed, few, now)
                 else:
-                    self._outbox.answer(few, _came_of(message, self._evaluated(message, compiled, few, now)))
+                    self._outbox.answer(few, _came_of(message, self._evaluated(message, compiled, few, now), details))
 
     def programs(self, text: str, rows: Rows, *, asked: bool = False) -> Iterable[tuple[Program | str, Rows]]:
         """What a text means to these robots, or why it cannot be checked, each with its robots. asked: whether it is a
-        question."""
+        question: then of a command that waits for an instant, what is evaluated there."""
         memory = self._memory
 
-        def program(number: int) -> Program | str:
+        def made(text: str, number: int) -> Program:
             names = MindNames(memory.vocabulary, memory.minds[number])
+            return memory.minds.library.program(text, lambda: [read(text)], names, asked=asked)
+
+        def program(number: int) -> Program | str:
             try:
-                return memory.minds.library.program(text, lambda: [read(text)], names, asked=asked)
+                whole = made(text, number)
+                timed = timed_of(whole.root) if asked else None
+                return whole if timed is None else made(timed.command, number)
             except SleepcastError as error:
                 return str(error).splitlines()[0]
 
@@ -158,6 +183,7 @@ class Obeying:
     def _evaluated(self, message: Message, program: Program, rows: Rows, now: float) -> Evaluated:
         """Evaluate a command, or what stands for it, for whom it comes from."""
         memory, driver = self._memory, driver_of(message)
+        memory.cancel = lambda some: self.timing.cancel(some, message.sender)
         memory.hops, memory.barred = (
             hops_left(message.body, message.role, MAX_HOPS),
             bars(message, self._authority.tells),
@@ -169,7 +195,7 @@ class Obeying:
                 memory.drivers = lambda some: [(driver, some)]
         answered = HOPS not in message.body  # nobody counts what becomes of what robots tell each other
         outcome = self.run(program, rows, message.id, answered=answered, watched=self._authority.moves(message))
-        memory.hops, memory.barred, memory.childless = MAX_HOPS, "", ""
+        memory.hops, memory.barred, memory.childless, memory.cancel = MAX_HOPS, "", "", nobody_waits
         if self._on_air:
             self._merge(rows, None)
             memory.drivers = self._authority.drivers
@@ -200,8 +226,8 @@ class Obeying:
 _KINDS = ("not matched", "matched", "fault", UNKNOWN, HELD)
 
 
-def _came_of(message: Message, outcome: Evaluated) -> AnswerColumns:
-    """The answers to a command, in the order of the robots that evaluated it."""
+def _came_of(message: Message, outcome: Evaluated, details: Details = NOTHING) -> AnswerColumns:
+    """The answers to a command with these details, in the order of the robots that evaluated it."""
     rows, faults = outcome.rows, [fault_text(noted) for noted in outcome.faults]
     fault = np.zeros(rows.size, np.int32) if faults else np.broadcast_to(np.int32(0), rows.size)
     for number, noted in reversed(list(enumerate(outcome.faults, 1))):
@@ -212,4 +238,4 @@ def _came_of(message: Message, outcome: Evaluated) -> AnswerColumns:
     if outcome.held is not None and outcome.held.any():
         kind = np.where(outcome.held & (kind == 1), np.uint8(4), kind)
     kind = np.where(fault > 0, np.uint8(2), kind) if faults else kind
-    return AnswerColumns(message.id, _KINDS, kind, outcome.values, tuple(faults), fault)
+    return AnswerColumns(message.id, _KINDS, kind, outcome.values, tuple(faults), fault, dict(details))

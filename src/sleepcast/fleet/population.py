@@ -36,6 +36,7 @@ def turn_over(fleet: Fleet, names: NameIndex, parents: Index, children: Index, n
     fleet.inbox.turn_over(parents, children, dead)
     fleet.outbox.turn_over(names, changed)
     fleet.bids.turn_over(changed)
+    fleet.timing.turn_over(parents, children, dead)
     fleet.evaluation_log.turn_over(changed)
     fleet.telemetry.turn_over(changed)
     for row in changed.tolist() if fleet.scheduler.left_over else ():

@@ -18,6 +18,7 @@ from sleepcast.core.serial import Array, Arrays
 from sleepcast.mind.authority import Driving, Latch, Lease
 from sleepcast.mind.bidding import BiddingState
 from sleepcast.mind.calling import CallsState
+from sleepcast.mind.instants import WaitingCommand
 from sleepcast.mind.merging import MergingState
 from sleepcast.mind.state import SharedMinds
 
@@ -109,6 +110,15 @@ class AuctionsState(msgspec.Struct):
     calls: dict[int, CallsState]
 
 
+class TimingState(msgspec.Struct):
+    """`FleetTiming`: commands that wait, each with its robots; those that were discarded since the last tick, and why;
+    when each robot was last stopped, s, None if none was."""
+
+    waiting: list[tuple[WaitingCommand, Array]]
+    gone: list[tuple[WaitingCommand, str, Array]]
+    stopped: Array | None
+
+
 class FleetSnapshot(msgspec.Struct):
     """The whole state.
 
@@ -116,6 +126,7 @@ class FleetSnapshot(msgspec.Struct):
     measured: by slot, when each robot last measured it (s)
     authority: None in snapshots of format 1
     auctions: None in those of 0.2.0
+    timing: None where nothing waits and nobody was ever stopped
     """
 
     minds: SharedMinds
@@ -129,3 +140,4 @@ class FleetSnapshot(msgspec.Struct):
     minds_used: int
     authority: AuthorityState | None = None
     auctions: AuctionsState | None = None
+    timing: TimingState | None = None

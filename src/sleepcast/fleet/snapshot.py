@@ -47,6 +47,7 @@ def state_of(fleet: Fleet, *, minds: bool = True) -> FleetSnapshot:
         fleet.minds_used,
         _authority_of(fleet),
         fleet.bids.state(),
+        fleet.timing.state(),
     )
 
 
@@ -116,6 +117,8 @@ def restore(fleet: Fleet, state: FleetSnapshot, when: float, table: MindTable | 
         _restore_authority(fleet, state.authority)
     if state.auctions is not None:
         fleet.bids.restore(state.auctions)
+    if state.timing is not None:
+        fleet.timing.restore(state.timing)
     fleet.evaluation_log.since = when
 
 

@@ -36,6 +36,7 @@ ACTS: Mapping[str, Act] = {
     "report": Act(),
     "tell": Act(),
     "ping": Act(),
+    "cancel": Act(),
     "activate": Act(rules=True, teaches=True),
     "deactivate": Act(rules=True),
     "lease": Act(rules=True),

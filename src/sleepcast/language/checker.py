@@ -20,6 +20,7 @@ from sleepcast.core.records import dataclass
 from sleepcast.core.units import UNITS
 from sleepcast.language.functions import BODY_WORDS, FUNCTIONS, MANY, WORDS, Function
 from sleepcast.language.parts import Defining, Label, Part, Storing
+from sleepcast.language.parts import walk as walk_parts
 from sleepcast.language.reader import ALIASES, Form, List, Number, Symbol, Text, rows, walk, written
 from sleepcast.language.symbols import Group, Names, Operator, Stored, UserVariable, circle, known_groups, uses_in
 from sleepcast.language.vocabulary import Binding, Variable, VocabularyError, buffer_number, describe, gives_way
@@ -434,6 +435,10 @@ class Checker:
         with self.scope(parameters):
             tree = Part("progn", where, self.parts(body))
         self.stored_parts.append(tree)
+        if (
+            cancel := next((part for part in walk_parts(tree) if part.op == "act" and part.name == "cancel"), None)
+        ) is not None:
+            self.error("CANCEL @@ stands in what is sent once: nobody has sent what is stored", cancel.form)
         uses = frozenset(self.uses)
         self.scopes, self.uses, self.free, self.loops, self.around = outside
         self.bounded(tree, where)

@@ -14,7 +14,7 @@ from math import inf, nan, sqrt
 
 from sleepcast.core.records import NamedTuple
 from sleepcast.language.evaluate import apply, between, enter, gauss, prob, reduced
-from sleepcast.language.functions import AMONG_ROBOTS
+from sleepcast.language.functions import AMONG_ROBOTS, NO_INSTANT
 from sleepcast.language.parts import Part
 
 # ---- the emitter: lines, blocks, temporaries, and operands in their order
@@ -522,6 +522,9 @@ class _Generator(Emitter):
 
     def _auction(self, part: Part) -> CodePiece:
         return self.statement(f"m.fault({self.constant(part)},{f'{part.name} chooses {AMONG_ROBOTS}'!r})")
+
+    def _timed(self, part: Part) -> CodePiece:
+        return self.statement(f"m.fault({self.constant(part)},{NO_INSTANT!r})")
 
     def _prob(self, part: Part) -> CodePiece:
         return CodePiece(f"P(m,{self.safe(self.value(part.parts[0])).code})")

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from math import inf, nan
 from typing import Any, Protocol, TypeVar
 
-from sleepcast.language.functions import AMONG_ROBOTS
+from sleepcast.language.functions import AMONG_ROBOTS, NO_INSTANT
 from sleepcast.language.numerics import normal
 from sleepcast.language.parts import Part
 from sleepcast.language.vocabulary import Vocabulary
@@ -400,6 +400,7 @@ _HOW: dict[str, Callable[[Walker, Part], float]] = {
     "host": lambda w, p: w.memory.host(p, *w.all(p.parts)),
     "missing": lambda w, p: w.memory.fault(p, f"this robot has no function {p.name}"),
     "auction": lambda w, p: w.memory.fault(p, f"{p.name} chooses {AMONG_ROBOTS}"),
+    "timed": lambda w, p: w.memory.fault(p, NO_INSTANT),
     "in": lambda w, p: 1.0 if p.name in w.memory.groups else 0.0,
     "prob": lambda w, p: prob(w.memory, w.value(p.parts[0])),
     "dice": _dice,

@@ -27,6 +27,12 @@ AMONG_ROBOTS = "among robots that are sent this: here there is nobody who collec
 """Why such a form is a fault where it is evaluated like any other."""
 WINDOW, LEASE = ":window", ":lease"
 """What may stand behind such a form, each with a time."""
+TIMED = "after-issue"
+"""What robots call the forms about an instant for all, AFTER-ISSUE and CANCEL, when they say which forms they know."""
+MAX_WAIT = 3_600.0
+"""Seconds from the issue of a command to its instant, at most: clocks drift apart meanwhile."""
+NO_INSTANT = "AFTER-ISSUE counts from the issue of a command that is sent: here nothing is"
+"""Why such a form is a fault where it is evaluated like any other."""
 MAX_CHOSEN = 64
 """Robots that one of these forms chooses at most: their names fit into a few datagrams."""
 MAX_PRIORITY = 9
@@ -434,6 +440,16 @@ _WORDS = (
         "truth",
         "Robots whose test is true obey the command, if there are at least so many, and at most so many of them.",
     ),
+    Function(
+        "AFTER-ISSUE",
+        2,
+        2,
+        "time command",
+        "special",
+        "last",
+        "The command at the same instant on all robots, so long after it was sent.",
+    ),
+    Function("CANCEL", 0, 0, "", "special", "plain", "Discards the sender's commands that wait; gives how many."),
 )
 
 WORDS: dict[str, Function] = {function.name.casefold(): function for function in _WORDS}
@@ -457,6 +473,8 @@ BODY_WORDS = {
 way, as those of `WORDS` do."""
 AUCTIONS = frozenset({"best", "quorum"})
 """Words that came together, as `CHOOSING`."""
+INSTANTS = frozenset({"after-issue", "cancel"})
+"""Words that came together, as `TIMED`."""
 BUILT_IN = FUNCTIONS | WORDS
 """Every built-in."""
 
@@ -537,6 +555,8 @@ EXAMPLES: dict[str, tuple[str, str]] = {
     "FOR-NEIGHBOURS": ("(LET ((near 0)) (FOR-NEIGHBOURS (n 3m) (SETQ near (+ near 1))) near)", "0"),
     "BEST": ("(BEST 4 (DIST 0 0 3 4) (IN crew) (MARK))", "0"),
     "QUORUM": ("(QUORUM 5 8 (IN crew) (MARK))", "0"),
+    "AFTER-ISSUE": ("(AFTER-ISSUE 3s (MARK))", "UNKNOWN"),
+    "CANCEL": ("(CANCEL)", "0"),
     "DEFUN": ("(PROGN (DEFUN half (a) (/ a 2)) (half 10))", "5"),
     "JOIN": ("(PROGN (JOIN bravo) (IN bravo))", "1"),
     "LEAVE": ("(PROGN (JOIN bravo) (LEAVE bravo) (IN bravo))", "0"),

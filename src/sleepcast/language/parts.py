@@ -17,6 +17,7 @@ explainer shows it. What a part means is said by its `op`:
                 for each, whose id is the local name `slot`; number: of neighbours at most
     each        FOR-NEIGHBOURS, likewise
     auction     BEST or QUORUM, by `name`: the cost, if there is one, and the command; who obeys is decided among robots
+    timed       AFTER-ISSUE: the command, which is evaluated at an instant that the message's time of issue decides
     act         everything else that changes the robot's mind or speaks, named by `name`
 """
 
@@ -141,6 +142,13 @@ _PLACE = Symbol("\0")
 """What stands for a value in a template's text: no text that can be read holds it."""
 
 
+class Timed(NamedTuple):
+    """What AFTER-ISSUE asks for. wait: s from the issue of its message; command: the text that is evaluated then."""
+
+    wait: float
+    command: str
+
+
 class Label:
     """The text that goes with REPORT, PRINT or a labelled host function."""
 
@@ -150,7 +158,7 @@ class Label:
         self.text, self.function = text, function
 
 
-Data = Function | HostFunction | Variable | Storing | Defining | Template | Auction | Label | None
+Data = Function | HostFunction | Variable | Storing | Defining | Template | Auction | Timed | Label | None
 
 
 def walk(part: Part) -> list[Part]:
@@ -206,6 +214,11 @@ def auction_of(root: Part) -> Auction | None:
     return auction if isinstance(auction, Auction) else None
 
 
+def timed_of(root: Part) -> Timed | None:
+    """What a whole command asks for that waits for an instant; None for every other one."""
+    return root.data if isinstance(root.data, Timed) else None
+
+
 def irreversible(part: Part) -> str:
     """The name of the first form inside `part` that is marked as one that cannot be undone, "" if there is none."""
     for inside in walk(part):
@@ -220,7 +233,7 @@ def deciding(part: Part) -> Part | None:
     """The first COND, IF, WHEN or AND of `part`, also inside its PROGNs and LETs."""
     if part.op in ("cond", "if", "and"):
         return part
-    inside = part.parts[int(part.number) :] if part.op == "let" else part.parts if part.op == "progn" else ()
+    inside = part.parts[int(part.number) :] if part.op == "let" else part.parts if part.op in ("progn", "timed") else ()
     return next(filter(None, map(deciding, inside)), None)
 
 

@@ -159,7 +159,7 @@ def _within(root: Part, inside: Part, test: Part) -> Part:
     """The test of `inside`, with the LETs of `root` around it, so that their names have their values."""
     if root is inside:
         return test
-    if root.op == "progn":
+    if root.op in ("progn", "timed"):
         return _within(next(p for p in root.parts if inside in walk(p)), inside, test)
     count = int(root.number)
     body = _within(next(p for p in root.parts[count:] if inside in walk(p)), inside, test)

@@ -19,15 +19,18 @@ from sleepcast.language.functions import (
     CHOOSING,
     EACH,
     FUNCTIONS,
+    INSTANTS,
     LEASE,
     MAX_CHOSEN,
     MAX_EACH,
     MAX_HOPS,
     MAX_REDUCED,
     MAX_REPEATS,
+    MAX_WAIT,
     NEIGHBOURS,
     OVER,
     PRIORITY,
+    TIMED,
     WINDOW,
 )
 from sleepcast.language.parts import (
@@ -38,6 +41,7 @@ from sleepcast.language.parts import (
     Part,
     Storing,
     Template,
+    Timed,
     is_acting,
     label_of,
     rank_of,
@@ -302,6 +306,30 @@ def _times(checker: Checker, name: str, behind: tuple[Form, ...]) -> tuple[float
     return times[WINDOW], times[LEASE]
 
 
+# ---- an instant for all
+
+
+@_special("after-issue")
+def _after_issue(checker: Checker, form: List) -> Part:
+    time, is_whole = form.items[1], checker.checked == 1
+    command = checker.part(form.items[2])
+    if not is_whole:
+        return checker.error("AFTER-ISSUE @@ is a whole command, sent once: it stands in no other expression", form)
+    if TIMED not in checker.names.vocabulary.forms:
+        return checker.error("AFTER-ISSUE @@ came after what these robots run", form)
+    wait = time.value if isinstance(time, Number) and time.dimension in (None, TIME) else nan
+    if not 0.0 < wait <= MAX_WAIT:
+        checker.error(f"AFTER-ISSUE waits for a time @@: wanted more than 0s and at most {MAX_WAIT:g}s", time)
+    return Part("timed", form, (command,), data=Timed(wait, show(form.items[2])))
+
+
+@_special("cancel")
+def _cancel(checker: Checker, form: List) -> Part:
+    if TIMED not in checker.names.vocabulary.forms:
+        return checker.error("CANCEL @@ came after what these robots run", form)
+    return Part("act", form, name="cancel")
+
+
 # ---- assignment
 
 
@@ -558,6 +586,8 @@ def _tell(checker: Checker, form: List) -> Part:
         _collect_unquoted(checker, template, unquoted)
     hops = _hops(checker, form)
     auction = _told_auction(checker, template)
+    if (inside := _told_instant(checker, template)) is not None:
+        checker.error("a TELL carries no AFTER-ISSUE or CANCEL @@: only a desk sends them", inside)
     if (rank := ranked(template)) is not None:
         checker.error(f"a TELL @@ cannot give a rule a {PRIORITY}: only a commander can", rank)
     parts = checker.parts(tuple(unquoted))
@@ -587,6 +617,12 @@ def _told_auction(checker: Checker, told: Form) -> Auction | None:
 
 _LEAST_ITEMS = 5
 """The word, two numbers or a number and a cost, the test and the command."""
+
+
+def _told_instant(checker: Checker, told: Form) -> Form | None:
+    """Where a told form has an AFTER-ISSUE or CANCEL that is no name of people's own; None if it has none."""
+    lists = (each for each in walk_forms(told) if isinstance(each, List) and each.head in INSTANTS)
+    return next((each for each in lists if checker.meaning(each.head or "") is None), None)
 
 
 def _hops(checker: Checker, form: List) -> int:

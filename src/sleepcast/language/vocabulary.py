@@ -19,7 +19,7 @@ from sleepcast.core.errors import MisuseError
 from sleepcast.core.model import Constant, HostFunction, NamedArea, Quantity
 from sleepcast.core.records import dataclass
 from sleepcast.core.units import NONE
-from sleepcast.language.functions import BODY_WORDS, BUILT_IN, CHOOSING, FUNCTIONS, NEIGHBOURS, PRIORITY
+from sleepcast.language.functions import BODY_WORDS, BUILT_IN, CHOOSING, FUNCTIONS, NEIGHBOURS, PRIORITY, TIMED
 
 BUFFERS = 64
 """Buffers E0 (the message) to E63."""
@@ -31,7 +31,7 @@ MAX_OPERATORS = 64
 """Operators made by DEFUN, on one robot."""
 MAX_GROUPS = 64
 """Groups that one robot may know."""
-NEW_FORMS = frozenset({PRIORITY, NEIGHBOURS, CHOOSING})
+NEW_FORMS = frozenset({PRIORITY, NEIGHBOURS, CHOOSING, TIMED})
 """Forms, and parts of forms, that came after 0.2.0: robots that know them say so, and others refuse what has them, or
 take it for something else."""
 

@@ -178,7 +178,7 @@ class RunningMinds:
         self.durability = Durability(self._hear_stops)
         # A body in step is its own clock, which stands still meanwhile.
         self.budget = EvaluationBudget(clock if tick else WallClock(), WorkClock(), self._hear_stops)
-        self._minds, self._fails, self._turn = minds, fails, 0
+        self._minds, self._fails, self._turn, self._tick = minds, fails, 0, tick
         self._running: list[EmbodiedMind] = []
 
     def step(self) -> None:
@@ -198,7 +198,7 @@ class RunningMinds:
         self.budget.begin()
         for mind in (*self._running[self._turn :], *self._running[: self._turn]):
             if any(each is mind for each in self._running):  # another one may have failed meanwhile
-                mind.node.budget = self.budget
+                mind.node.budget, mind.node.timing.tick = self.budget, self._tick
                 self._try(mind, mind.think)
                 self.budget.look()
 
@@ -274,6 +274,7 @@ class NetworkSwarm:
         self.budget = EvaluationBudget(self.clock, WorkClock(), self.hear_stops)
         for member in self.members:
             member.keeper, member.node.budget = self.keeper, self.budget
+            member.node.timing.tick = self.simulator.scenario.tick
 
     def run(self, going: Callable[[], bool]) -> None:
         """Run while `going`, called before each tick, returns true; then stop every body. Raises what the channel

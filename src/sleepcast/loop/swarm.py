@@ -194,7 +194,7 @@ class Swarm:
         )
         self.minds: Mapping[str, RobotView] = self.fleet
         scenario = simulator.scenario
-        self.fleet.telemetry.tick = scenario.tick
+        self.fleet.telemetry.tick = self.fleet.timing.tick = scenario.tick
         sight = simulator.bodies.sight
         self.radio = Radio(
             scenario.radio,

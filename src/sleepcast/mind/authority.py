@@ -62,7 +62,7 @@ from sleepcast.core.quantities import QuantityError, in_si
 from sleepcast.core.records import NamedTuple
 from sleepcast.core.units import TIME
 from sleepcast.language.functions import DEADLY, PRIORITY
-from sleepcast.language.parts import auction_of, label_of, ranked, rules, walk
+from sleepcast.language.parts import auction_of, label_of, ranked, rules, timed_of, walk
 from sleepcast.language.program import Program
 from sleepcast.language.reader import List
 from sleepcast.language.reader import walk as walk_forms
@@ -310,6 +310,7 @@ class Tells(StrEnum):
 
 NO_TOLD_PRIORITY = f"no TELL gives a rule a {PRIORITY}: only a commander can"
 NO_CALLER = "BEST and QUORUM are sent once, by a desk, or told by a robot that collects bids: nobody does so here"
+NO_TOLD_INSTANT = "AFTER-ISSUE is sent once, by a desk: nothing else says when it was issued"
 NO_TELLS = "this robot obeys no TELL (--tells none)"
 """Why it does nothing of what another robot tells."""
 NO_MOTION = "a TELL does not act on the body of this robot (--tells marks)"
@@ -384,6 +385,8 @@ def objection(message: Message, program: Program, tells: Tells) -> str:
     called = not message.standing and (AUCTION in message.body or not _is_told(message))
     if not called and auction_of(program.root) is not None:
         return NO_CALLER
+    if (message.standing or _is_told(message)) and timed_of(program.root) is not None:
+        return NO_TOLD_INSTANT
     if message.kind is not Kind.COMMAND or message.role in ("", Role.COMMANDER) or not rules(program.root):
         return ""
     return f"only a commander's key may change rules, and that of {message.sender} is of role {message.role}"

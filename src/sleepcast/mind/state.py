@@ -19,6 +19,7 @@ from sleepcast.language.program import Library, Program
 from sleepcast.language.reader import read_all
 from sleepcast.language.symbols import KIND_NAMES, Declared, Group, Operator, Stored, UserVariable
 from sleepcast.language.vocabulary import Vocabulary
+from sleepcast.mind.instants import WaitingCommand
 from sleepcast.mind.merging import MergingState
 
 RuleRank = Annotated[int, msgspec.Meta(ge=-MAX_PRIORITY, le=MAX_PRIORITY)]
@@ -56,6 +57,7 @@ class MindState(msgspec.Struct, frozen=True):
     authority: see `Authority.state`.
     doubt: see `Node`.
     endings: texts that end what it is a member of by BEST or QUORUM, which a restart ends.
+    waiting: commands that wait for their instants, their times in s of Unix time.
     """
 
     stopped: bool
@@ -71,6 +73,7 @@ class MindState(msgspec.Struct, frozen=True):
     merging: MergingState = MergingState()
     doubt: str = ""
     endings: tuple[str, ...] = ()
+    waiting: tuple[WaitingCommand, ...] = ()
 
 
 # ---- all robots, in a snapshot

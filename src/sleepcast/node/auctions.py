@@ -7,40 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from math import nan
-from typing import Protocol
 
 from sleepcast.channel.message import Kind, Message
 from sleepcast.core.errors import SleepcastError
 from sleepcast.language.parts import Auction
-from sleepcast.language.program import Program, evaluate
+from sleepcast.language.program import evaluate
 from sleepcast.language.vocabulary import FROZEN, SLEEPING
-from sleepcast.mind.authority import Authority
 from sleepcast.mind.bidding import Bidding
 from sleepcast.mind.calling import Calls
 from sleepcast.mind.rules import Rule
-from sleepcast.mind.views import EvaluatedCommand
-from sleepcast.node.memory import RobotMemory
-
-
-class Thinking(Protocol):
-    """A node, as its auctions need it."""
-
-    name: str
-    stopped: bool
-    catching_up: bool
-    authority: Authority
-
-    @property
-    def memory(self) -> RobotMemory: ...
-    @property
-    def groups(self) -> frozenset[str]: ...
-    def program(self, text: str) -> Program: ...
-    def judge(self, program: Program, message: Message, now: float) -> EvaluatedCommand: ...
-    def answer(
-        self, message: Message, outcome: str, value: float, fault: str, details: Mapping[str, object]
-    ) -> None: ...
-    def say(self, kind: Kind, *, body: dict[str, object]) -> None: ...
+from sleepcast.node.evaluating import NodeEvaluator, Thinking
 
 
 class NodeAuctions:
@@ -81,11 +57,8 @@ class NodeAuctions:
             self._robot.say_bid(grants.body())
 
 
-class BiddingNode:
+class BiddingNode(NodeEvaluator):
     """A node as its bids need it (`mind.bidding.Evaluating`)."""
-
-    def __init__(self, node: Thinking) -> None:
-        self._node = node
 
     @property
     def name(self) -> str:
@@ -101,25 +74,12 @@ class BiddingNode:
 
     @property
     def is_held_still(self) -> bool:
-        return self._node.stopped or self._node.catching_up or self.is_at_rest
+        return super().is_held_still or self.is_at_rest
 
     @property
     def is_at_rest(self) -> bool:
         values = self._node.memory.values
         return values[SLEEPING] > 0 or values[FROZEN] > 0
-
-    def objection(self, message: Message, text: str, now: float) -> str:
-        node = self._node
-        try:
-            return node.authority.objection(message, node.program(text), node.groups, now)
-        except SleepcastError as error:
-            return str(error).splitlines()[0]
-
-    def outcome_of(self, message: Message, text: str, now: float) -> EvaluatedCommand:
-        try:
-            return self._node.judge(self._node.program(text), message, now)
-        except SleepcastError as error:
-            return EvaluatedCommand("fault", nan, str(error).splitlines()[0])
 
     def end(self, text: str) -> None:
         self._node.memory.faults = []

@@ -74,7 +74,8 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class OutputPort:
-    """How a robot speaks: where REPORT, TELL and PING go."""
+    """How a robot speaks: where REPORT, TELL and PING go. cancel: discards what waits of the sender that it obeys, for
+    CANCEL."""
 
     report: Callable[[str, tuple[float, ...]], None]
     may_tell: Callable[[int], bool]
@@ -82,6 +83,7 @@ class OutputPort:
     ping: Callable[[float], None]
     calls: Callable[[], Calls | None]
     """Of auctions that it tells; None while it is stopped."""
+    cancel: Callable[[], float]
 
 
 class RobotMemory:
@@ -460,7 +462,12 @@ def _ping(memory: RobotMemory, part: Part, caste: float = 0.0) -> float:
     return 1.0
 
 
+def _cancel(memory: RobotMemory, part: Part) -> float:
+    return memory.output.cancel()
+
+
 ACTS: Mapping[str, Act] = {
+    "cancel": _cancel,
     "join": _join,
     "leave": _leave,
     "activate": _activate,

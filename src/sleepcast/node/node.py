@@ -36,7 +36,7 @@ from sleepcast.core.model import RestState
 from sleepcast.language.explain import Explanation, Recollection, explain, foretell, rehearse, with_bid
 from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.lint import Checked, check, unit_of_program
-from sleepcast.language.parts import Part, auction_of
+from sleepcast.language.parts import Part, auction_of, timed_of
 from sleepcast.language.program import Program, decide, evaluate
 from sleepcast.language.reader import read, show
 from sleepcast.language.rehearsal import Answer
@@ -48,6 +48,7 @@ from sleepcast.mind.authority import (
     Authority,
     Driving,
     Tells,
+    arrived,
     driver_of,
     outcome_of_keys,
     outcome_of_untimely,
@@ -65,11 +66,7 @@ from sleepcast.mind.limits import (
     MAX_QUEUE,
     MAX_SEEN,
     REPORTS_A_SECOND,
-    TELL_BURST,
     TELL_SECONDS,
-    TELLS_A_SECOND,
-    TELLS_TOO_FAR,
-    TELLS_TOO_OFTEN,
 )
 from sleepcast.mind.merging import enqueue, place_of
 from sleepcast.mind.rules import in_order
@@ -78,6 +75,8 @@ from sleepcast.mind.views import EvaluatedCommand, Result, RuleView
 from sleepcast.node.linking import VariableTable
 from sleepcast.node.memory import OutputPort, RobotMemory
 from sleepcast.node.scheduler import RuleRecord, Scheduler
+from sleepcast.node.telling import TellLimit
+from sleepcast.node.timing import TimedCommands
 from sleepcast.robot import Failsafe, RestSensing, Robot
 
 if TYPE_CHECKING:
@@ -146,16 +145,17 @@ class Node:
         self.budget: EvaluationBudget | None = None
         self._memory = RobotMemory(
             table,
-            OutputPort(self._report, self._may_tell, self._tell, self._ping, self._calls),
+            OutputPort(self._report, self._may_tell, self._tell, self._ping, self._calls, self._cancel),
             number=number,
             seed=seed,
             body=self.body,
         )
         self._driving, self._lease = Driving(), lease
-        self._speaks_for = ""
-        """The operator for whom the message is evaluated that is evaluated now, "" for none."""
+        self._speaks_for = self._sender = ""
+        """The operator for whom the message is evaluated that is evaluated now, and who has sent it; "" for none."""
         self.auctions: NodeAuctions | None = None
         """Of commands that choose among robots, once there was one."""
+        self.timing = TimedCommands(self, on_air=on_air)
         self.began = -inf
         """When this life began, s, where there may have been one before."""
         self._scheduler = Scheduler(self._memory.records, self._run_rule)
@@ -169,10 +169,7 @@ class Node:
         self._printed: list[tuple[str, tuple[float, ...]]] | None = None
         """What the current text has reported, while a caller waits for its result."""
         self._reported_in, self._reported = 0, 0
-        self._telling_until = 0.0
-        """When everything that it has told would be paid off at `TELLS_A_SECOND`, s: a leaky bucket in one number."""
-        self._rate_limited = False
-        """Whether a TELL has been refused since the robot was last below its rate."""
+        self._telling = TellLimit()
 
     # ---- state
 
@@ -202,9 +199,9 @@ class Node:
 
     @property
     def awake(self) -> bool:
-        """Whether the next tick has anything to do: a message, a bid, active rules, or a driven body."""
-        bids = self.auctions is not None and self.auctions.is_busy
-        return bool(self._queue) or bool(self._memory.records.running) or self.driven or bids
+        """Whether the next tick has anything to do: a message, a bid, an instant, active rules, or a driven body."""
+        busy = self.timing.is_busy or (self.auctions is not None and self.auctions.is_busy)
+        return bool(self._queue) or bool(self._memory.records.running) or self.driven or busy
 
     @property
     def driven(self) -> bool:
@@ -340,6 +337,8 @@ class Node:
         self._obey_waiting(now)
         if self.auctions is not None and self.auctions.is_busy:
             self.auctions.tick(now)
+        if self.timing.is_busy:
+            self.timing.tick_at(now)
         if memory.records.running and not (memory.values[SLEEPING] > 0 or memory.values[FROZEN] > 0):
             memory.moved = False
             self._scheduler.round()
@@ -441,6 +440,7 @@ class Node:
             return
         if self.auctions is not None:
             self.auctions.stop()
+        self.timing.stop(arrived(message, self._now))
         fault = ""
         try:
             self.halt()
@@ -564,14 +564,18 @@ class Node:
         if objection:
             self.answer(message, "fault", fault=objection)
             return
+        timed = timed_of(program.root)
         if message.kind is Kind.ASK:
-            rehearsal = memory.rehearsal()
+            program, rehearsal = program if timed is None else self.program(timed.command), memory.rehearsal()
             answer = foretell(program, rehearsal)
             details = foretold(message, answer, undecided=rehearsal.undecided)
             self.answer(message, "answer", answer.value, "; ".join(answer.faults), details)
             return
         if (auction := auction_of(program.root)) is not None:
             self.auctioning().poll(message, auction, now)
+            return
+        if timed is not None:
+            self.timing.hear(message, timed, now)
             return
         outcome, value, fault = self.judge(program, message, now)
         self.answer(message, outcome, value, fault)
@@ -595,8 +599,9 @@ class Node:
         memory.moved, memory.barred = False, self.authority.bars(message)
         memory.base.merging.begin(place_of(message, self.zero) if self._on_air else None)
         memory.hops, self._speaks_for = hops_left(message.body, message.role, MAX_HOPS), driver_of(message)
+        self._sender = message.sender
         value = self._run(program, message.id, answered=answered)
-        memory.hops, memory.barred, self._speaks_for = MAX_HOPS, "", ""
+        memory.hops, memory.barred, self._speaks_for, self._sender = MAX_HOPS, "", "", ""
         memory.base.merging.begin(None)
         return value
 
@@ -662,22 +667,17 @@ class Node:
 
     def _may_tell(self, hops: int) -> bool:
         """Whether something may be told now, over this many hops; counted as told, or else as lost."""
-        begin = max(self._telling_until, self._now)
-        over = begin - self._now > (TELL_BURST - 1) / TELLS_A_SECOND
-        if hops < 1 or over:
-            self.lost += 1
-            if not self._rate_limited:
-                self._rate_limited = True
-                self._report(TELLS_TOO_OFTEN if hops >= 1 else TELLS_TOO_FAR, ())
-            return False
-        self._rate_limited &= begin > self._now
-        self._telling_until = begin + 1.0 / TELLS_A_SECOND
-        return True
+        may = self._telling.allows(hops, self._now, self.remark)
+        self.lost += not may
+        return may
 
     def _tell(self, text: str, hops: int, auction: int | None) -> None:
         driver = (self._speaks_for or self._driving.driver) if self._on_air else ""
         body = relay_body(hops, driver, auction)
         self.say(Kind.COMMAND, text=text, deadline=self._now + TELL_SECONDS, body=body)
+
+    def _cancel(self) -> float:
+        return self.timing.cancel(self._sender)
 
     def _ping(self, caste: float) -> None:
         if len(self.pings) < MAX_OUTBOX:

@@ -49,6 +49,7 @@ def mind_of(node: Node) -> MindState:
         memory.base.merging.state(),
         node.doubt,
         _endings(node),
+        tuple(each.shifted(node.zero) for each in node.timing.waiting),
     )
 
 
@@ -64,6 +65,7 @@ def fingerprint(node: Node) -> tuple[object, ...]:
             node.stopped,
             node.doubt,
             _endings(node),
+            tuple(each.message.id for each in node.timing.waiting),
             repr(node.authority.state(0.0)),
             proven,
             memory.records.version,
@@ -89,6 +91,7 @@ def restore(state: MindState, node: Node, away: float) -> list[str]:
         node.authority.restore(state.authority, node.memory.time - away)
         if state.endings:
             node.auctioning().bidding.restore(state.endings)
+        node.timing.restore((each.shifted(-node.zero) for each in state.waiting), node.memory.time)
     except UNFIT as error:
         raise SerialError(f"no mind can be made of this: {type(error).__name__}: {error}") from None
     return lost + stand(node, state.doubt) if state.stopped else lost

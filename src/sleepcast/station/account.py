@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from math import inf
+from math import inf, nan
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -32,6 +32,7 @@ from sleepcast.station.sent import (
     OUTCOMES,
     SILENT,
     TEST_UNKNOWN,
+    WAITS,
     Answer,
     Answers,
     Command,
@@ -76,13 +77,16 @@ class Account(msgspec.Struct, frozen=True, eq=False, dict=True):
     stopped, and `rest` tells who of them is at rest; for a RELEASE, that it is not stopped any more; for a question,
     that it has answered. held: those among the matched that were to move, and did not, because STOP holds them.
     unknown: their test was neither true nor false. not_stored: those that a restart may make forget what they
-    answered, wherever else they are counted.
+    answered, wherever else they are counted. waiting: those that have the command and wait for its instant; what they
+    answer after that takes the place of this.
 
     codes: by place, as in `Answers.codes`
     addressed: so many of them, from the first on, count as silent
     heard: when each was last heard (s of the desk's clock, -inf: never)
     only, size, conflicts: see `Command`
     auction: how that of a command stands which chooses among robots
+    instant: when robots that wait are to obey, s of the desk's clock; None for a command that waits for nothing
+    bound: by how many s a robot may have missed the instant at most, by what they answered; NaN while none has
     unit, angles: of what was asked for: in which people read it, and whether it is an angle
     """
 
@@ -100,6 +104,8 @@ class Account(msgspec.Struct, frozen=True, eq=False, dict=True):
     auction: AuctionStatus | None = None
     unit: str = ""
     angles: bool = False
+    instant: float | None = None
+    bound: float = nan
 
     @cached_property
     def counts(self) -> list[int]:
@@ -122,6 +128,10 @@ class Account(msgspec.Struct, frozen=True, eq=False, dict=True):
     @property
     def n_unknown(self) -> int:
         return self.counts[TEST_UNKNOWN]
+
+    @property
+    def n_waiting(self) -> int:
+        return self.counts[WAITS]
 
     @property
     def n_fault(self) -> int:
@@ -172,6 +182,11 @@ class Account(msgspec.Struct, frozen=True, eq=False, dict=True):
     @cached_property
     def unknown(self) -> tuple[str, ...]:
         return self._named(TEST_UNKNOWN)
+
+    @cached_property
+    def waiting(self) -> tuple[str, ...]:
+        """The robots that wait for the instant of the command."""
+        return self._named(WAITS)
 
     @cached_property
     def fault(self) -> tuple[str, ...]:
@@ -260,10 +275,10 @@ class Account(msgspec.Struct, frozen=True, eq=False, dict=True):
         8 s ago)`; with those that STOP holds, and those whose test was unknown, where there are any."""
         held = f" (held by STOP: {self.n_held})" if self.n_held else ""
         unknown = f", unknown {self.n_unknown}" if self.n_unknown else ""
+        waiting = f", waiting {self.n_waiting}" if self.n_waiting else ""
         lost = f", not stored {self.n_not_stored}" if self.n_not_stored else ""
-        counts = (
-            f"matched {self.n_matched}{held}, did not match {self.n_not_matched}{unknown}{lost}, fault {self.n_fault}"
-        )
+        others = f"{unknown}{waiting}{lost}, fault {self.n_fault}"
+        counts = f"matched {self.n_matched}{held}, did not match {self.n_not_matched}{others}"
         chosen = "" if self.auction is None else f"; {printable(self.auction.sentence())}"
         return f"{counts}, {self.silence()}{chosen}"
 
@@ -286,6 +301,7 @@ class Account(msgspec.Struct, frozen=True, eq=False, dict=True):
     def to_dict(self) -> dict[str, object]:
         """The counts, as the command line prints them."""
         counts = {"text": self.text} | {sort: getattr(self, f"n_{sort}") for sort in COUNTED}
+        counts |= {"waiting": self.n_waiting} if self.n_waiting else {}
         counts |= {} if self.auction is None else {"auction": self.auction.to_dict()}
         return counts if self.rest is None else counts | rest_counts(self.rest)
 
@@ -310,7 +326,8 @@ def account(command: Command, now: float, heard: Seconds, check: Callable[[str],
     about = command.only, command.size, rest, dict(command.conflicts), auction
     asked = _asked(command, check)
     quantity = ("", False) if asked is None else (asked.unit, asked.is_angle)
-    return Account(command.id, command.text, now, codes, command.addressed, heard.copy(), answers, *about, *quantity)
+    place = command.id, command.text, now, codes, command.addressed, heard.copy(), answers
+    return Account(*place, *about, *quantity, command.instant, command.answers.bound)
 
 
 def _asked(command: Command, check: Callable[[str], Checked] | None) -> Checked | None:

@@ -60,7 +60,7 @@ from sleepcast.station.remote import RemoteMinds
 from sleepcast.station.rest import LOOK_SELDOM, RestWatch
 from sleepcast.station.retransmission import LATCHING, SETTLE, Retransmission
 from sleepcast.station.roster import NOBODY_SAID, Expectation, Index, RobotNames
-from sleepcast.station.sent import MATCHED, Answer, Command
+from sleepcast.station.sent import Answer, Command
 from sleepcast.station.shared_names import SHARED, ContestedNames
 from sleepcast.station.station import STALE_AFTER, Station
 from sleepcast.station.validation import (
@@ -500,12 +500,14 @@ class NetworkStation(Station):
 
     def awaits(self, command: Command) -> bool:
         """Whether a robot may still answer: one is silent, or the roster is empty."""
-        return command.n_silent > 0 or not (command.size or command.addressed)
+        return command.n_silent > 0 or command.waits or not (command.size or command.addressed)
 
     def answered(self, command: Command) -> float:
         """When the time for answers to a command is over, s of Unix time: of one that chooses among robots once nobody
-        else is chosen, at its deadline until then."""
+        else is chosen, at its deadline until then; of one that waits, after its instant."""
         message, within = command.message, self._within(max(command.size, command.addressed))
+        if command.instant is not None and command.waits:
+            return command.instant + within
         if command.auctioneer is None:
             return message.issued + within
         return min(command.auctioneer.closed + within, message.deadline)
@@ -661,6 +663,7 @@ class NetworkStation(Station):
             counted = account(command, self._clock.now(), self._roster.heard)
             silent = RobotNames(self._roster.names, np.flatnonzero(command.silent))
             details = {f"n_{sort}": getattr(counted, f"n_{sort}") for sort in COUNTED} | {"silent": silent}
+            details |= {"n_waiting": counted.n_waiting} if counted.n_waiting else {}
             details |= {"n_not_stored": counted.n_not_stored} if counted.n_not_stored else {}
             details |= {} if counted.auction is None else counted.auction.to_dict()
             self._note(JournalEvent.ACCOUNTED, subject=command.id, text=command.text, details=details)
@@ -668,7 +671,4 @@ class NetworkStation(Station):
     def _drives(self) -> bool:
         """Whether our commands may be moving robots: one has obeyed, or may yet answer."""
         now = self._clock.now()
-        return any(
-            bool((command.answers.codes == MATCHED).any()) or (command.n_silent and now <= command.message.deadline)
-            for command in self._drivers
-        )
+        return any(command.may_move(now) for command in self._drivers)

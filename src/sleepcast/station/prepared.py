@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 from sleepcast.core.records import NamedTuple
 from sleepcast.language import Checked
-from sleepcast.language.parts import auction_of, irreversible, walk
+from sleepcast.language.functions import MAX_WAIT
+from sleepcast.language.instants import timed
+from sleepcast.language.parts import auction_of, irreversible, timed_of, walk
 from sleepcast.language.program import Program
 from sleepcast.language.symbols import Declared
 from sleepcast.language.vocabulary import Vocabulary
@@ -51,6 +53,7 @@ class Terms(msgspec.Struct, frozen=True):
     standing, deadline: see `Station.send`
     everybody: all robots, as the sender has said
     anyway: the sender insists, so robots' names refuse nothing
+    at: the instant at which all obey, s of the desk's clock; None for as soon as they hear it
     undecided: even if its test is unknown on all robots
     strange: even if no robot has a name in it
     """
@@ -62,6 +65,7 @@ class Terms(msgspec.Struct, frozen=True):
     anyway: bool = False
     undecided: bool = False
     strange: bool = False
+    at: float | None = None
 
 
 ONCE = Terms()
@@ -75,6 +79,7 @@ class Draft(msgspec.Struct, frozen=True, eq=False):
     vocabulary: the fleet's names, in whose slots it was checked
     meanings: what robots had learned then under the names in it
     names: changes when other names count than those in which it was checked
+    command: the text as its sender wrote it, without the instant at which it is to be obeyed
     """
 
     checked: Checked
@@ -84,10 +89,15 @@ class Draft(msgspec.Struct, frozen=True, eq=False):
     vocabulary: Vocabulary
     meanings: dict[str, Declared | None]
     names: object = None
+    command: str = ""
 
     @property
     def text(self) -> str:
-        return self.checked.text
+        return self.command or self.checked.text
+
+    def sent_at(self, now: float) -> str:
+        """The text that goes out at `now`, s of the desk's clock. Raises CommandTypeError."""
+        return with_instant(self.text, self.terms.at, now)
 
     def to(self, audience: Audience) -> Draft:
         """The same to some of the robots that its sender was asked about: what names and tests come to on these alone
@@ -95,6 +105,17 @@ class Draft(msgspec.Struct, frozen=True, eq=False):
         return msgspec.structs.replace(
             self, terms=msgspec.structs.replace(self.terms, audience=audience, undecided=True, strange=True)
         )
+
+
+def with_instant(text: str, at: float | None, now: float) -> str:
+    """The text of a command that is sent at `now` and is to be obeyed at an instant, s of the desk's clock, None for as
+    soon as it is heard. Raises CommandTypeError for an instant that is over, or too far ahead."""
+    if at is None:
+        return text
+    if not 0.0 < at - now <= MAX_WAIT:
+        when = f"{now - at:.3g} s ago" if at <= now else f"in {at - now:,.0f} s"
+        raise CommandTypeError(f"the instant is {when}: wanted one within the next {MAX_WAIT:g} s")
+    return timed(text, at - now)
 
 
 class Forecast(NamedTuple):
@@ -243,6 +264,8 @@ def validate_type(program: Program, standing: bool, deadline: float | None) -> f
         return seconds
     if (auction := auction_of(program.root)) is not None:
         raise CommandTypeError(f"{auction.name} cannot be standing: who is chosen is a matter of the moment")
+    if timed_of(program.root) is not None:
+        raise CommandTypeError("AFTER-ISSUE cannot be standing: whoever comes later has missed the instant")
     if deadline is not None:
         raise CommandTypeError("a standing command has no deadline: it is sent until every robot has it")
     joins = any(part.op == "act" and part.name == "join" for part in walk(program.root))

@@ -114,10 +114,16 @@ class Retransmission:
 
     def _pursue(self, command_id: str, now: float) -> None:
         command = self._sent.find(command_id)
-        if command is None or not command.n_silent or not self._still_good(command, now):
+        if command is None or not self._still_good(command, now):
             self._end(command_id)
             return
-        silent = command.n_silent
+        silent = int(np.count_nonzero(command.owing(now))) + command.n_nameless
+        if not silent and command.waits and command.instant is not None:
+            self._due[command_id] = command.instant + self._within(command.addressed) + SETTLE
+            return
+        if not silent:
+            self._end(command_id)
+            return
         within = self._within(min(silent, MAX_NAMED) if command.kind is Kind.COMMAND else silent)
         self._note(command)
         if command.kind is Kind.COMMAND:
@@ -135,16 +141,22 @@ class Retransmission:
         """Have those that are missed say their answer again. They may have missed the command as well: it goes
         out once more, which no robot evaluates twice."""
         self._delivery.repeat(command.message.sequence, now)
-        missed = self._missed(command)
+        missed = self._missed(command, now)
         if not missed:  # not everybody: those that are known first
-            places = np.flatnonzero(command.silent)[:MAX_NAMED].tolist()
+            places = np.flatnonzero(command.owing(now))[:MAX_NAMED].tolist()
             missed = {FOR: [self._roster.names[place] for place in places]}
         body = {AGAIN: command.id, WITHIN: within, **missed}
         self._delivery.post(Kind.ASK, now, deadline=now + DEADLINE, body=body)
 
     def _send_again(self, command: Command, within: float, now: float) -> None:
         message = command.message
-        body = {**message.body, FIRST: command.id, AGE: now - message.issued, WITHIN: within, **self._missed(command)}
+        body = {
+            **message.body,
+            FIRST: command.id,
+            AGE: now - message.issued,
+            WITHIN: within,
+            **self._missed(command, now),
+        }
         deadline = None if message.kind is Kind.RELEASE else message.deadline
         again = self._delivery.post(message.kind, now, text=message.text, deadline=deadline, body=body)
         self._first[again.id] = command.id
@@ -158,15 +170,20 @@ class Retransmission:
             return command is self._sent.latch
         message = command.message
         if command.kind is Kind.COMMAND and not message.standing:
-            return now < message.deadline
+            return now < (
+                message.deadline if command.instant is None else max(message.deadline, command.instant + DEADLINE)
+            )
         return now < min(message.deadline, message.issued + DEADLINE)
 
-    def _missed(self, command: Command) -> dict[str, object]:
+    def _missed(self, command: Command, now: float) -> dict[str, object]:
         """Which robots are to answer a repeated message, as fields of its body: all, if there are too many names."""
-        names, missed = self._roster.names, [self._roster.names[at] for at in np.flatnonzero(command.silent).tolist()]
+        names, owing = self._roster.names, command.owing(now)
+        missed = [names[at] for at in np.flatnonzero(owing).tolist()]
         if _fits(command.kind, missed) and not command.n_nameless:
             return {FOR: missed}
-        there = [names[place] for place in np.flatnonzero(command.answers.codes).tolist()]
+        answered = command.answers.codes > 0
+        answered[: len(owing)] &= ~owing
+        there = [names[place] for place in np.flatnonzero(answered).tolist()]
         if FOR not in command.message.body and _fits(command.kind, there):
             return {NOT: there}
         return {}

@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.message import HELD, LOOK, UNKNOWN, lasts, outcome_of
+from sleepcast.channel.message import BOUND, HELD, LOOK, UNKNOWN, WAITING, lasts, outcome_of
 from sleepcast.channel.message_batch import AnswerColumns as Said
 from sleepcast.channel.message_batch import NameIndex, ascending
 from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean
 from sleepcast.core.serial import Array, SerialError, within
+from sleepcast.language.instants import wait_of
 from sleepcast.mind.auction import Auctioneer, validate_kept
 from sleepcast.mind.authority import StopMark, is_ended_by, mark_of
 from sleepcast.station.leases import in_words
@@ -37,6 +38,7 @@ class Outcome(StrEnum):
     FAULT = "fault"
     UNKNOWN = "unknown"
     HELD = "held by STOP"
+    WAITING = "waiting"
 
 
 SAID: Mapping[str, Outcome] = {
@@ -45,6 +47,7 @@ SAID: Mapping[str, Outcome] = {
     "fault": Outcome.FAULT,
     UNKNOWN: Outcome.UNKNOWN,
     HELD: Outcome.HELD,
+    WAITING: Outcome.WAITING,
     "answer": Outcome.MATCHED,
     "late": Outcome.FAULT,
     "stopped": Outcome.MATCHED,
@@ -63,12 +66,14 @@ class Answer(msgspec.Struct, frozen=True):
 
     heard: when, in s of the desk's clock
     value: of the command; None for unknown
+    bound: by how many s it may have missed the instant at most; None where it has obeyed at none
     """
 
     outcome: Outcome
     heard: float
     value: float | None = None
     fault: str | None = None
+    bound: float | None = None
 
 
 def answer_from(body: Mapping[str, object], now: float) -> Answer | None:
@@ -79,21 +84,27 @@ def answer_from(body: Mapping[str, object], now: float) -> Answer | None:
         return None
     value, fault = body.get("value"), body.get("fault")
     if said == "late":
-        fault = LATE
+        fault = fault or LATE
     elif said == ANSWER and fault:
         outcome = Outcome.FAULT
     known = float(value) if isinstance(value, int | float) and abs(value) <= float_info.max else None
-    return Answer(outcome, now, known, fault if isinstance(fault, str) else None)
+    return Answer(outcome, now, known, fault if isinstance(fault, str) else None, _bound_in(body))
+
+
+def _bound_in(body: Mapping[str, object]) -> float | None:
+    bound = body.get(BOUND)
+    return bound if isinstance(bound, float) and 0.0 <= bound < inf else None
 
 
 OUTCOMES = tuple(Outcome)
-SILENT, MATCHED, NOT_MATCHED, FAULT, TEST_UNKNOWN, HELD_BY_STOP = range(len(OUTCOMES) + 1)
+SILENT, MATCHED, NOT_MATCHED, FAULT, TEST_UNKNOWN, HELD_BY_STOP, WAITS = range(len(OUTCOMES) + 1)
 """What a robot's code in a column of outcomes means: nothing heard, or one of `OUTCOMES` in their order."""
 CODES = {outcome: code for code, outcome in enumerate(OUTCOMES, 1)}
 
 
 class Answers(Mapping[str, Answer]):
-    """The first answer of each robot, by name, kept as columns by the robots' places on the roster (`names`)."""
+    """The first answer of each robot, by name, kept as columns by the robots' places on the roster (`names`); of those
+    that wait for an instant, the answer after that."""
 
     def __init__(self, names: NameIndex) -> None:
         self.names = names
@@ -105,14 +116,24 @@ class Answers(Mapping[str, Answer]):
         """Which of the texts of faults, from 1; made when a robot first says one."""
         self._faults: list[str] = []
         self._count = 0
+        self.bound = nan
+        """By how many s one of them may have missed the instant at most, by what they say; NaN while none says so."""
+        self.version = 0
+        """Grows with every answer that counts."""
+        self._waiting_since: Seconds | None = None
+        """When each robot that has answered since said that it waits, inf for never; made when the first one has."""
 
     def add(self, robot: int, answer: Answer) -> None:
         """What one robot answers."""
         if len(self._heard) < len(self.names):
             self.make_room()
-        if self._outcome[robot]:
+        before = self._outcome[robot]
+        if before not in (SILENT, WAITS) or (before == WAITS and answer.outcome is Outcome.WAITING):
             return
-        self._count += 1
+        self._count += int(before == SILENT)
+        self.version += 1
+        self._note_waiting(np.array([robot]))
+        self._note_bound(answer.bound)
         self._outcome[robot] = CODES[answer.outcome]
         self._heard[robot] = answer.heard
         self._value[robot] = nan if answer.value is None else answer.value
@@ -127,10 +148,12 @@ class Answers(Mapping[str, Answer]):
         faults = (*said.faults, LATE)
         fault = said.fault[places]
         if "late" in said.outcomes:
-            fault = np.where(sort == said.outcomes.index("late"), np.int32(len(faults)), fault)
+            unsaid = (sort == said.outcomes.index("late")) & (fault == 0)
+            fault = np.where(unsaid, np.int32(len(faults)), fault)
         if ANSWER in said.outcomes:
             codes[(sort == said.outcomes.index(ANSWER)) & (fault > 0)] = FAULT
         self._take(robots, codes, said.value[places], faults, fault, now)
+        self._note_bound(_bound_in(said.details))
 
     def _take(
         self,
@@ -143,15 +166,31 @@ class Answers(Mapping[str, Answer]):
     ) -> None:
         """Store the answers of robots that have not answered yet. fault: its number among `faults`, from 1, or 0."""
         self.make_room()
-        new = (self._outcome[robots] == 0) & (codes > 0)
+        before = self._outcome[robots]
+        new = (before == SILENT) & (codes > SILENT) | (before == WAITS) & (codes > SILENT) & (codes != WAITS)
         if not new.all():
             robots, codes, values, fault = robots[new], codes[new], values[new], fault[new]
-        self._count += len(robots)
+        self._count += int(np.count_nonzero(self._outcome[robots] == SILENT))
+        self.version += 1
+        self._note_waiting(robots)
         self._outcome[robots] = codes
         self._heard[robots], self._value[robots] = now, values
         if fault.any():
             self._fault_numbers()[robots] = np.where(fault > 0, fault + len(self._faults), 0)
             self._faults += faults
+
+    def _note_bound(self, bound: float | None) -> None:
+        if bound is not None:
+            self.bound = bound if self.bound != self.bound else max(self.bound, bound)
+
+    def _note_waiting(self, robots: Index) -> None:
+        """These robots answer: remember since when those among them have waited that did."""
+        waited = robots[self._outcome[robots] == WAITS]
+        if not len(waited):
+            return
+        before = np.full(0, inf) if self._waiting_since is None else self._waiting_since
+        self._waiting_since = np.concatenate((before, np.full(len(self.names) - len(before), inf)))
+        self._waiting_since[waited] = self._heard[waited]
 
     def _fault_numbers(self) -> NDArray[np.int32]:
         if self._fault is None:
@@ -166,10 +205,13 @@ class Answers(Mapping[str, Answer]):
 
     def go_back(self, time: float) -> None:
         """Forget what was answered after `time`, s."""
-        late = self._heard > time
-        if late.any():
-            self._outcome[: len(late)][late] = 0
-            self._count = int(np.count_nonzero(self._outcome))
+        self._outcome = self.codes_at(time)
+        self._count = int(np.count_nonzero(self._outcome))
+        since = self._waiting_since
+        if since is not None:
+            again = np.flatnonzero((self._outcome[: len(since)] == WAITS) & (since <= time))
+            self._heard[again], since[again] = since[again], inf
+            since[since > time] = inf
 
     def make_room(self) -> None:
         """Robots may have enrolled since the command was sent, and before the first answer there are no columns."""
@@ -188,6 +230,9 @@ class Answers(Mapping[str, Answer]):
         self.make_room()
         codes = self._outcome.copy()
         codes[: len(self._heard)][self._heard > time] = SILENT
+        since = self._waiting_since
+        if since is not None:
+            codes[: len(since)][(codes[: len(since)] == SILENT) & (since <= time)] = WAITS
         return codes
 
     @property
@@ -220,7 +265,8 @@ class Answers(Mapping[str, Answer]):
     def state(self) -> CommandAnswersState:
         fault = None if self._fault is None else Array.of(self._fault)
         columns = (Array.of(self._outcome), Array.of(self._heard), Array.of(self._value))
-        return CommandAnswersState(*columns, fault, tuple(self._faults))
+        since = None if self._waiting_since is None else Array.of(self._waiting_since)
+        return CommandAnswersState(*columns, fault, tuple(self._faults), since, self.bound)
 
     def restore(self, state: CommandAnswersState) -> None:
         """Be as those answers were. Raises SerialError."""
@@ -234,6 +280,8 @@ class Answers(Mapping[str, Answer]):
         if state.fault is not None:
             self._fault = state.fault.made(np.int32, self._outcome.shape, "faults of answers")
             within(self._fault, 0, len(self._faults), "faults of answers")
+        self.bound, since = state.bound, state.waiting_since
+        self._waiting_since = None if since is None else since.column(np.float64, most, "when robots began to wait")
         if len({len(self._heard), len(self._value), len(self._outcome) if self._count else len(self._heard)}) > 1:
             raise SerialError("answers without times or values")
 
@@ -371,6 +419,30 @@ class Command:
     def n_silent(self) -> int:
         """How many of the addressed robots have not answered, including those whose names are unknown."""
         return int(np.count_nonzero(self.silent)) + self.n_nameless
+
+    @cached_property
+    def instant(self) -> float | None:
+        """When robots that wait are to obey, s of its sender's clock; None for a command that waits for nothing."""
+        wait = wait_of(self.message.text)
+        return None if wait is None else self.message.issued + wait
+
+    def owing(self, now: float) -> NDArray[np.bool_]:
+        """Which robots are to be asked for their answer at `now`, s, by place: those that are silent, and once the
+        instant is over those that waited for it."""
+        owing, instant = self.silent, self.instant
+        if instant is not None and now > instant:
+            owing |= self.answers.codes[: len(owing)] == WAITS
+        return owing
+
+    def may_move(self, now: float) -> bool:
+        """Whether robots may be moving by it at `now`, s: one has obeyed, waits for its instant, or may yet answer."""
+        obeyed = np.isin(self.answers.codes, (MATCHED, WAITS)).any()
+        return bool(obeyed) or (self.n_silent > 0 and now <= self.message.deadline)
+
+    @property
+    def waits(self) -> bool:
+        """Whether robots have said that they wait for the instant of this command, and nothing else yet."""
+        return bool((self.answers.codes == WAITS).any())
 
     @property
     def n_nameless(self) -> int:

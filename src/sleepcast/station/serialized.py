@@ -5,7 +5,7 @@ Robots are named by their places on the roster: those of the minds come first, t
 
 from __future__ import annotations
 
-from math import inf
+from math import inf, nan
 
 import msgspec
 
@@ -23,6 +23,8 @@ class CommandAnswersState(msgspec.Struct, array_like=True):
     value: Array
     fault: Array | None
     faults: tuple[str, ...]
+    waiting_since: Array | None = None
+    bound: float = nan
 
 
 class RestStatesState(msgspec.Struct, array_like=True):

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from math import ceil
 
 from sleepcast.core.records import dataclass
-from sleepcast.language.parts import auction_of
+from sleepcast.language.parts import auction_of, timed_of
 from sleepcast.station.account import Account
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.prepared import Prepared
@@ -36,7 +36,7 @@ class Stage:
 
 class Stages:
     """A command that goes out in stages. Raises what `NetworkStation.commit` raises, and CommandTypeError for
-    one that chooses among robots, before anything is sent.
+    one that chooses among robots, or waits for an instant, before anything is sent.
 
     count, confirmed: the sender's answers, for all of them
     """
@@ -47,6 +47,8 @@ class Stages:
         self._station, self._confirmed = station, confirmed
         if (auction := auction_of(prepared.draft.program.root)) is not None:
             raise CommandTypeError(f"{auction.name} chooses among all robots at once: send it without stages")
+        if timed_of(prepared.draft.program.root) is not None:
+            raise CommandTypeError("an instant is the same for all: send it without stages")
         self._whole = station.accept(prepared, count=count, confirmed=confirmed)
         forecast = self._whole.forecast
         candidates = [*forecast.yes, *forecast.unknown]

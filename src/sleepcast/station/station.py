@@ -48,6 +48,7 @@ from sleepcast.station.prepared import (
     validate_address,
     validate_count,
     validate_type,
+    with_instant,
 )
 from sleepcast.station.rest import motion_said
 from sleepcast.station.roster import CommandedTimes, Index, RobotNames, Roster
@@ -259,7 +260,8 @@ class Station:
             return self._draft(text, terms)
 
     def _draft(self, text: str, terms: Terms) -> Draft:
-        checked = self.check(text, only=terms.audience.only, anyway=terms.anyway)
+        whole = with_instant(text, terms.at, self._clock.now())
+        checked = self.check(whole, only=terms.audience.only, anyway=terms.anyway)
         program = checked.required()
         if self.policy.strict and checked.findings:
             raise CheckError(checked.findings, text, checked.more)
@@ -267,7 +269,7 @@ class Station:
         seconds = validate_type(program, terms.standing, terms.deadline)
         terms.audience.body()  # raises AudienceError
         names = self._names(checked, terms.audience)
-        return Draft(checked, program, terms, seconds, self.vocabulary, self._meanings(program), names)
+        return Draft(checked, program, terms, seconds, self.vocabulary, self._meanings(program), names, text)
 
     def _names(self, checked: Checked, audience: Audience) -> object:
         """Something that changes when this text would be checked in other names."""
@@ -348,10 +350,9 @@ class Station:
         is doubted. Raises DoubtError for what is hardly meant, where the desk asks about that, CountNeededError for a
         missing or wrong count, and NobodyHeardError; the same `prepared` may then be committed with the answer.
         """
-        ready = self.accept(prepared, count=count, confirmed=confirmed)
-        draft = ready.draft
+        draft = (ready := self.accept(prepared, count=count, confirmed=confirmed)).draft
         whom = ready.expected, ready.places, draft.terms.audience.body()
-        command = self._broadcast(Kind.COMMAND, draft.text, draft.terms.standing, draft.seconds, *whom)
+        command = self._broadcast(Kind.COMMAND, draft, draft.terms.standing, draft.seconds, *whom)
         if (auction := auction_of(draft.program.root)) is not None:
             with self._lock:
                 self.auctions.begin(command, auction)
@@ -373,17 +374,18 @@ class Station:
         but: Sequence[str] | None = None,
         confirmed: bool = False,
         undecided: bool = False,
+        at: float | None = None,
     ) -> Command:
         """Prepare an expression and commit it, for who has nobody to ask.
 
         A one-shot command (the default) is evaluated within `deadline` seconds from now (`DEADLINE` unless given) or
         never; a standing one is good until it has reached everybody. everybody: it may go to all robots. only, but: for
         these robots, or for all except these. undecided: send it although its test is unknown on all robots, which is
-        doubted too; for programs, which may send while a sensor knows nothing. count, confirmed: see `commit`. Raises
-        what `draft`, `foresee` and `commit` raise.
+        doubted too; for programs, which may send while a sensor knows nothing. at: see `Terms`; count, confirmed: see
+        `commit`. Raises what these raise, and `draft` and `foresee`.
         """
         audience = Audience.of(only, but)
-        terms = Terms(standing, deadline, everybody, audience, anyway=confirmed, undecided=undecided)
+        terms = Terms(standing, deadline, everybody, audience, anyway=confirmed, undecided=undecided, at=at)
         return self.commit(self.prepare(text, terms), count=count, confirmed=confirmed)
 
     def ask(
@@ -470,7 +472,7 @@ class Station:
     def _broadcast(
         self,
         kind: Kind,
-        text: str = "",
+        said: str | Draft = "",
         standing: bool = False,
         seconds: float = inf,
         expected: Index | None = None,
@@ -479,21 +481,18 @@ class Station:
     ) -> Command:
         with self._lock:
             now = self._clock.now()
-            until, said, only = now + seconds, dict(body or {}), self._roster.asked(only)
-            message = self._compose(kind, now, until, text, standing, dict(said))
-            command = Command(message, self._roster.names, expected, now, only, self._roster.meant(only, FOR in said))
+            text = said if isinstance(said, str) else said.sent_at(now)
+            until, fields, only = now + seconds, dict(body or {}), self._roster.asked(only)
+            message = self._compose(kind, now, until, text, standing, dict(fields))
+            command = Command(message, self._roster.names, expected, now, only, self._roster.meant(only, FOR in fields))
             urgent = kind in (Kind.STOP, Kind.RELEASE)
             if urgent:  # nothing comes before these, not even the journal
                 self._outbox(message)
             if not command.is_look:  # what a desk asks in order to show it decides nothing
-                details = {
-                    "kind": kind.value,
-                    "standing": standing,
-                    "deadline": until,
-                    "digest": hashlib.sha256(text.encode()).hexdigest(),
-                    "predicted": RobotNames(self._roster.names, command.expected),
-                }
-                self._note(JournalEvent.SENT, subject=message.id, text=text, details=details | said, first=not urgent)
+                predicted = RobotNames(self._roster.names, command.expected)
+                details: dict[str, object] = {"kind": kind.value, "standing": standing, "deadline": until}
+                details |= {"digest": hashlib.sha256(text.encode()).hexdigest(), "predicted": predicted}
+                self._note(JournalEvent.SENT, subject=message.id, text=text, details=details | fields, first=not urgent)
             self._sent.add(command, len(self._roster))
             if not urgent:
                 self._outbox(message)

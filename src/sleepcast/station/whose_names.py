@@ -19,7 +19,17 @@ from sleepcast.channel.message import natural_order
 from sleepcast.core.errors import listed, printable
 from sleepcast.core.model import Constant, HostFunction
 from sleepcast.language import Checked, check
-from sleepcast.language.functions import ABOUT_NEIGHBOURS, AUCTIONS, BODY_WORDS, CHOOSING, FUNCTIONS, MANY, NEIGHBOURS
+from sleepcast.language.functions import (
+    ABOUT_NEIGHBOURS,
+    AUCTIONS,
+    BODY_WORDS,
+    CHOOSING,
+    FUNCTIONS,
+    INSTANTS,
+    MANY,
+    NEIGHBOURS,
+    TIMED,
+)
 from sleepcast.language.reader import List, Symbol, read, walk
 from sleepcast.language.symbols import Declared
 from sleepcast.language.vocabulary import NEW_FORMS, Binding, Variable, Vocabulary
@@ -30,7 +40,7 @@ FEW = 3
 """Robots in a sentence."""
 WITHOUT_THESE = "send this by name to robots that know it (--only), or update these first"
 """What to do about robots that would refuse a text with a new form."""
-_WORDS = sorted({*NEW_FORMS, *ABOUT_NEIGHBOURS, *BODY_WORDS, *AUCTIONS})
+_WORDS = sorted({*NEW_FORMS, *ABOUT_NEIGHBOURS, *BODY_WORDS, *AUCTIONS, *INSTANTS})
 NEW_WORDS = re.compile(rf"(?<![\w-])({'|'.join(map(re.escape, _WORDS))})(?![\w-])", re.I)
 """What a text has in it that has a new form; so may others."""
 
@@ -143,6 +153,8 @@ def _new_forms(checked: Checked, minds: RemoteMinds) -> Iterator[tuple[Symbol, s
             yield head, form.head
         if form.head in AUCTIONS and form.head not in own and isinstance(head, Symbol):
             yield head, CHOOSING
+        if form.head in INSTANTS and form.head not in own and isinstance(head, Symbol):
+            yield head, TIMED
         for item in form.items[2:] if form.head in FUNCTIONS else ():
             if isinstance(item, Symbol) and item.key in NEW_FORMS:
                 yield item, item.key

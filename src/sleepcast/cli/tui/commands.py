@@ -77,6 +77,7 @@ class PendingText:
     count: how many robots are meant, once its sender has typed that.
     may: how many may obey, where that has to be typed first.
     confirmed: whether it was entered twice, since the first time it was doubted.
+    at: the instant at which all obey, s of Unix time, None for as soon as they hear it.
     prepared: the same as the desk has it, once it was checked.
     """
 
@@ -86,6 +87,7 @@ class PendingText:
     count: int | None = None
     may: int | None = None
     confirmed: bool = False
+    at: float | None = None
     prepared: Prepared | None = field(default=None, compare=False)
 
     @property
@@ -98,7 +100,7 @@ class PendingText:
         """How it is meant, as a command."""
         audience = Audience([self.to.robot] if self.to.robot else None)
         standing = self.type is CommandType.STANDING
-        return Terms(standing, everybody=self.to.everybody, audience=audience, anyway=self.confirmed)
+        return Terms(standing, everybody=self.to.everybody, audience=audience, anyway=self.confirmed, at=self.at)
 
 
 def marked_finding(checked: Checked) -> Spot | None:
@@ -109,7 +111,7 @@ def marked_finding(checked: Checked) -> Spot | None:
     return Spot(first[0].message, checked.text, first[0].start, first[0].end, bool(checked.errors))
 
 
-QUESTIONS = ("to", "show", "why", "look", "hold", "help", "quit")
+QUESTIONS = ("to", "show", "why", "look", "at", "hold", "help", "quit")
 """What can be asked of the desk itself, after a colon."""
 
 HELP = """
@@ -129,6 +131,7 @@ Ctrl-C        clear the text; without text quit, like Ctrl-Q and Ctrl-D
               that is true; :to bravo a group; :to all
 :show x y     show variables in the list of robots
 :why r7 [ID]  how r7 evaluated the last command, or the one with that id
+:at 12:30:05  the next command is obeyed at that time, by all at once; :at now
 :hold off     no heartbeats: driven robots stop after their lease
 :look         ask all robots for telemetry now
 :quit         quit
@@ -136,5 +139,5 @@ Ctrl-C        clear the text; without text quit, like Ctrl-Q and Ctrl-D
 Robots: S stopped, s stopped but not at rest yet, o not stopped, ? no telemetry yet; L lost: not heard lately;
 2 several robots have this name.
 Answer to the last command: M matched, H matched but held by STOP,
-N did not match, U its test was unknown, F fault, - silent
+N did not match, U its test was unknown, W waits for its instant, F fault, - silent
 """

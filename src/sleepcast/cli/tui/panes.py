@@ -39,7 +39,7 @@ WIDE = 48
 """Columns of the list of robots from which on their names may be long."""
 MAX_LINES = 3
 """Lines for what became of one command."""
-OUTCOMES = "-MNFUH"
+OUTCOMES = "-MNFUHW"
 """A robot's answer, by its code in a column of outcomes."""
 
 

@@ -50,6 +50,7 @@ from sleepcast.cli.tui.commands import CommandType
 from sleepcast.cli.tui.completion import SessionNames
 from sleepcast.cli.tui.session import TuiSession
 from sleepcast.core.tasks import wait_at_most
+from sleepcast.core.time_of_day import time_of_day
 
 if TYPE_CHECKING:
     from sleepcast.cli.tui.panes import Line
@@ -298,7 +299,8 @@ class Screen:
         if session.pending is not None:
             return [("class:head", "how many? ")]
         type_ = "" if session.type is CommandType.ONCE else f" {session.type.upper()}"
-        return [("bold", f"{panes.clipped(session.to.label or 'sleep', NARROW // 3)}{type_}> ")]
+        at = "" if session.at is None else f" AT {time_of_day(session.at)}"
+        return [("bold", f"{panes.clipped(session.to.label or 'sleep', NARROW // 3)}{type_}{at}> ")]
 
     def _robots(self, width: int, height: int) -> list[Line]:
         self._scrolled = max(0, min(self._scrolled, len(self.session.station.roster) - height))

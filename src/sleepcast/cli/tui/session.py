@@ -28,6 +28,7 @@ from sleepcast.cli.tui.commands import (
     marked_finding,
 )
 from sleepcast.core.errors import MisuseError, SleepcastError, counted, did_you_mean, printable
+from sleepcast.core.time_of_day import instant_of
 from sleepcast.language import Checked, ReadError, read
 from sleepcast.language.vocabulary import Variable
 from sleepcast.station.asking import AwaitedRelease
@@ -68,6 +69,7 @@ class TuiSession:
     page: a text that is read instead of the panes.
     shown: variables that the list of robots shows.
     by_age: whether that list begins with those heard longest ago.
+    at: the instant at which the next command is obeyed, s of Unix time, None for as soon as it is heard.
     """
 
     def __init__(self, station: NetworkStation, telemetry: TelemetryClient, look_every: float) -> None:
@@ -78,6 +80,7 @@ class TuiSession:
         self.page: list[str] = []
         self.shown: list[str] = []
         self.by_age = False
+        self.at: float | None = None
         self.pending: PendingText | None = None
         self.staging: StagedCommand | None = None
         self.leaving = False
@@ -262,7 +265,7 @@ class TuiSession:
 
     def _request(self, text: str, doubted: tuple[PendingText, float] | None) -> PendingText:
         """What is entered now: if it is what was doubted, that once more, confirmed unless the key is held down."""
-        request = PendingText(text, self.type, self.to)
+        request = PendingText(text, self.type, self.to, at=self.at)
         if doubted is None or doubted[0] != request:
             return request
         return replace(doubted[0], confirmed=self.station.now - doubted[1] >= HELD)
@@ -312,6 +315,7 @@ class TuiSession:
             self.say(self.staging.message)
         else:
             self.station.commit(prepared, count=request.count, confirmed=request.confirmed)
+        self.at = None
 
     def stop(self) -> None:
         """Stop every robot, now."""
@@ -369,6 +373,8 @@ class TuiSession:
                 self.shown = self._variables(rest.split())
             case "why":
                 self._ask_why(rest)
+            case "at":
+                self.at = None if rest == "now" else instant_of(rest, self.station.now)
             case "hold":
                 self._hold(rest)
             case "look":

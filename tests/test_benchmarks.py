@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 from benchmarks.auctions import made as auctions_made
 from benchmarks.auctions import on_udp
+from benchmarks.auctions import simulated as auctions_simulated
 
 ROOT = Path(__file__).resolve().parent.parent
 PATHS = {"swarm": 48, "air": 66}
@@ -386,3 +387,10 @@ def test_rounds_on_a_made_radio_are_counted() -> None:
     assert [key for key in auctions_made.NEVER if seen[key]] == []
     assert seen["true"] + seen["others"] + seen["fewer"] == 20
     assert 0 < seen["started"] <= seen["accepted"] < 20
+
+
+def test_rounds_on_the_simulated_radio_are_counted() -> None:
+    seen = auctions_simulated.counted(0.3, range(6))
+    assert [key for key in auctions_made.NEVER if seen[key]] == []
+    assert seen["true"] + seen["others"] + seen["fewer"] == 6
+    assert 0 < seen["started"] <= seen["accepted"] < 6

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from math import inf
@@ -37,8 +37,11 @@ started, and fewer than the least obeyed; `hasty`: it was started although fewer
 NEVER = ("many", "hasty", "crowd")
 
 
-def rows(losses: Sequence[float], rounds: int) -> bool:
-    """Print a row for each share of lost messages; whether nothing was there that must never be."""
+def rows(
+    losses: Sequence[float], rounds: int, count: Callable[[float, Sequence[int]], Counter[str]] | None = None
+) -> bool:
+    """Print a row for each share of lost messages; whether nothing was there that must never be. count: counts rounds,
+    by default those of this module."""
     kept = True
     print(f"{rounds:,} rounds each: BEST {PLACES} and QUORUM {LEAST} {MOST} of {ROBOTS}, one in eight dies on the way")
     print("   ".join(["lost", *COLUMNS.values()]))
@@ -46,7 +49,7 @@ def rows(losses: Sequence[float], rounds: int) -> bool:
     with ProcessPoolExecutor(usable) as pool:
         for loss in losses:
             chunks = [range(begin, min(begin + CHUNK, rounds)) for begin in range(0, rounds, CHUNK)]
-            found = sum(pool.map(partial(counted, loss), chunks), Counter[str]())
+            found = sum(pool.map(partial(count or counted, loss), chunks), Counter[str]())
             shares = (f"{found[key] / rounds:{len(head)}.2%}" for key, head in COLUMNS.items())
             print("   ".join([f"{loss:4.0%}", *shares]), flush=True)
             kept = kept and not any(found[key] for key in NEVER)

@@ -114,16 +114,16 @@ class Relays(msgspec.Struct, frozen=True):
         return relay_body(self.hops, self.driver, self.auction)
 
 
-class PlainBody(msgspec.Struct, frozen=True):
-    """The same body for all these robots, without a text: what one says of its bid."""
+class PlainBodies(msgspec.Struct, frozen=True):
+    """Bodies of any kind without a text: what robots say of their bids."""
 
-    said: Body
+    said: tuple[Body, ...]
 
     def text(self, index: int) -> str:
         return ""
 
     def body(self, index: int) -> Body:
-        return dict(self.said)
+        return dict(self.said[index])
 
 
 class MessageBatch(msgspec.Struct, frozen=True):
@@ -214,13 +214,13 @@ class RelaysState(msgspec.Struct, tag="told"):
     auction: int | None = None
 
 
-class PlainBodyState(msgspec.Struct, tag="body"):
-    """See `PlainBody`."""
+class PlainBodiesState(msgspec.Struct, tag="bodies"):
+    """See `PlainBodies`; in the order of the robots."""
 
-    said: Body
+    said: tuple[Body, ...]
 
 
-ContentsState = AnswersState | ReportsState | RelaysState | PlainBodyState
+ContentsState = AnswersState | ReportsState | RelaysState | PlainBodiesState
 
 
 class MessageBatchState(msgspec.Struct, tag="chorus"):
@@ -272,16 +272,18 @@ def _dump_contents(words: Contents, places: NDArray[np.intp]) -> ContentsState:
         return ReportsState(words.label, tuple(Array.of(column[places]) for column in words.values), words.rule)
     if isinstance(words, Relays):
         return RelaysState(words.said, words.hops, words.driver, words.auction)
-    if isinstance(words, PlainBody):
-        return PlainBodyState(words.said)
+    if isinstance(words, PlainBodies):
+        return PlainBodiesState(tuple(words.said[place] for place in places.tolist()))
     raise TypeError(f"{type(words).__name__} cannot be kept")
 
 
 def _load_contents(state: ContentsState, shape: tuple[int, ...]) -> Contents:
     if isinstance(state, RelaysState):
         return Relays(state.said, state.hops, state.driver, state.auction)
-    if isinstance(state, PlainBodyState):
-        return PlainBody(state.said)
+    if isinstance(state, PlainBodiesState):
+        if len(state.said) != shape[0]:
+            raise SerialError(f"{len(state.said)} bodies of {shape[0]} messages")
+        return PlainBodies(state.said)
     if isinstance(state, ReportsState):
         values = tuple(column.made(np.float64, shape, "reported") for column in state.values)
         return Reports(state.label, values, state.rule)

@@ -147,6 +147,8 @@ class TransmitQueue:
 
 OPERATOR = -1
 """The operator's number among the parties; of several the first one's."""
+_NO_BID = -(2**31)
+"""Stands for the caller of a message that is no bid."""
 MAX_WAITING = 16_000_000
 """Copies in flight at one time: sixteen messages to a million robots, in a quarter of a gigabyte. Further ones are
 refused and counted."""
@@ -298,26 +300,49 @@ class Radio:
 
     def send_all(self, batch: MessageBatch) -> None:
         """Send a batch; each message is lost or delayed exactly as if it were sent alone."""
-        if batch.kind not in TO_OPERATOR:
+        if batch.kind is Kind.REQUEST:
+            self._send_bids(batch)
+        elif batch.kind in TO_OPERATOR:
+            self._send_up(batch, self.desks)
+        else:
             for robot, message in zip(batch.robots.tolist(), batch.messages(), strict=True):
                 self.send(robot, message)
-            return
+
+    def _send_bids(self, batch: MessageBatch) -> None:
+        """Send what goes to one operator as a batch, and all else message by message."""
+        callers = np.array([self._caller_of(message) for message in batch.messages()], np.int64)
+        for number in self.desks:
+            if (own := callers == number).any():
+                self._send_up(batch.take(own), np.array([number]))
+        others = batch.take(~np.isin(callers, self.desks))
+        for robot, message in zip(others.robots.tolist(), others.messages(), strict=True):
+            self.send(robot, message)
+
+    def _caller_of(self, message: Message) -> int:
+        """The number of the party to which a bid goes; `_NO_BID` for what is none."""
+        match message.body.get(BID):
+            case [str() as caller, *_]:
+                return self._party(caller)
+        return _NO_BID
+
+    def _send_up(self, batch: MessageBatch, desks: Numbers) -> None:
+        """Send a batch to these operators."""
         now, near = self._clock.now(), self._near_operator()
         begin: Seconds | float = now
         if self.transmit_queue:
             begins, room = self.transmit_queue.take(batch.robots, now)
             self.counts.crowded += int(np.count_nonzero(~room))
             batch, begin = batch.take(room), begins[room]
-        self.counts.sent += len(batch) * len(self.desks)
+        self.counts.sent += len(batch) * len(desks)
         if near is not None:
             heard = near[batch.robots]
-            self.counts.out_of_reach += int(np.count_nonzero(~heard)) * len(self.desks)
+            self.counts.out_of_reach += int(np.count_nonzero(~heard)) * len(desks)
             batch = batch.take(heard)
             begin = begin if isinstance(begin, float) else begin[heard]
-        for number in self.desks if len(batch) else ():
-            self._send_up(batch, begin, number)
+        for number in desks if len(batch) else ():
+            self._send_to(batch, begin, number)
 
-    def _send_up(self, batch: MessageBatch, begin: Seconds | float, number: np.int64) -> None:
+    def _send_to(self, batch: MessageBatch, begin: Seconds | float, number: np.int64) -> None:
         """Send a batch to one operator, from `begin` on, s, of each message or of all."""
         operator = np.broadcast_to(number, len(batch))
         order = (int(self._numbered(batch.robots[:1])[0]), batch.epoch, int(batch.sequences[0]), 0, 0)
@@ -405,9 +430,8 @@ class Radio:
             near, everybody = self._near_operator(), self._everybody()
             return everybody, everybody if near is None else everybody[near[everybody]]
         meant = self._everybody() if message.kind not in TO_OPERATOR else self.desks
-        match message.body.get(BID):
-            case [str() as caller, *_]:
-                meant = np.array([self._party(caller)], np.int64)
+        if (caller := self._caller_of(message)) != _NO_BID:
+            meant = np.array([caller], np.int64)
         if meant.size and meant[0] < 0:
             near = self._near_operator()
             return meant, meant if near is None or near[transmitter] else meant[:0]

@@ -14,7 +14,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from sleepcast.channel.message import GRANTS, UNKNOWN, Kind, Message
-from sleepcast.channel.message_batch import AnswerColumns, PlainBody
+from sleepcast.channel.message_batch import AnswerColumns, PlainBodies
 from sleepcast.columns.machine import evaluate
 from sleepcast.columns.values import Index, Mask, Rows
 from sleepcast.core.serial import SerialError
@@ -48,6 +48,8 @@ class FleetBids:
         self._ended: dict[int, EndedBids] = {}
         """Of robots that have bid, or would have if they had known their cost."""
         self._calls: dict[int, Calls] = {}
+        self.said: dict[int, list[dict[str, object]]] = {}
+        """What robots say in this tick about bids and calls, by robot."""
         memory.calls = self.calls
 
     @property
@@ -116,6 +118,14 @@ class FleetBids:
         for calls in _at(self._calls, stopped):
             calls.stop()
 
+    def _send(self) -> None:
+        """Put what was said into the outbox: the first of each robot, then the second of each that says more."""
+        said, self.said = self.said, {}
+        while said:
+            bodies = tuple(each.pop(0) for each in said.values())
+            self._memory.outbox.say(Kind.REQUEST, Rows.of(np.array([*said], np.intp)), PlainBodies(bodies))
+            said = {robot: each for robot, each in said.items() if each}
+
     def turn_over(self, changed: Index) -> None:
         """Other robots, or none, are in these rows from now on, which have bid for nothing and choose nobody."""
         for robot in changed.tolist() if self._of or self._calls else ():
@@ -133,6 +143,7 @@ class FleetBids:
                 self._of[robot].tick(one, now)
             for grants in self._calls[robot].tick(now) if robot in self._calls else ():
                 one.say_bid(grants.body())
+        self._send()
         self._of = {robot: bidding for robot, bidding in self._of.items() if bidding.is_busy}
         self._calls = {robot: calls for robot, calls in self._calls.items() if calls.is_busy}
 
@@ -206,8 +217,7 @@ class BiddingRobot:
 
     @property
     def is_at_rest(self) -> bool:
-        values = self._memory.state.row(self._robot)
-        return values[SLEEPING] > 0 or values[FROZEN] > 0
+        return any(self._memory.state.column(slot, self._row)[0] > 0 for slot in (SLEEPING, FROZEN))
 
     def objection(self, message: Message, text: str, now: float) -> str:
         ((program, _),) = self._evaluator.programs(text, self._row)
@@ -230,7 +240,7 @@ class BiddingRobot:
         self._memory.outbox.answer(self._row, answers)
 
     def say_bid(self, body: dict[str, object]) -> None:
-        self._memory.outbox.say(Kind.REQUEST, self._row, PlainBody(body))
+        self._bids.said.setdefault(self._robot, []).append(body)
 
 
 def _outcome_at(answers: AnswerColumns, at: int) -> EvaluatedCommand:

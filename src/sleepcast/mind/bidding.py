@@ -242,6 +242,7 @@ class Bidding:
             each.bid.tick(now)
             if each.bid.phase is BidPhase.OUT:
                 self._part(robot, each)
+        for each in tuple(self._open):  # a fleet says what all its robots bid at once, after what they answer
             if (said := each.bid.say(now)) is not None:
                 robot.say_bid(said.body())
             if each.bid.is_over:

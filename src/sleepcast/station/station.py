@@ -558,7 +558,7 @@ class Station:
         """Take in what many robots say at once; their places are those of the roster. Reports are heard one by one, as
         many as are kept; answers are one entry in the journal."""
         if not isinstance(said := batch.words, AnswerColumns):
-            for message in batch.take(slice(-MAX_REPORTS, None)).messages():
+            for message in (batch.take(slice(-MAX_REPORTS, None)) if batch.kind is Kind.REPORT else batch).messages():
                 self.hear(message)
         with self._lock:
             now = self._clock.now()

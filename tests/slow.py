@@ -25,7 +25,7 @@ SLOW = {
     "notebook/test_view.py": 12,
     "scenarios/test_stop_three_ways.py": 12,
     "console/test_layers.py": 11,
-    "scenarios/test_recruit.py": 11,
+    "scenarios/test_recruit.py": 20,
     "language/test_limits.py": 10,
     "simulator/bodies/test_bodies.py": 10,
     "test_docs.py": 10,

@@ -270,6 +270,7 @@ MOMENTS = {
     "opening": 15.0,
     "overwhelm": 44.0,
     "recruit": 50.0,
+    "recruit-best": 49.0,
     "search": 20.0,
 }
 """Simulated seconds until the moment of a scenario that is shown; else half of its run."""

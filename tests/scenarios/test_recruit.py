@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +11,8 @@ import pytest
 
 import sleepcast as sc
 from sleepcast.language import CheckError
+from sleepcast.language.reader import read, show
+from sleepcast.simulator import find_scenario
 
 STEP = 0.5
 """Seconds between two looks at the convoy."""
@@ -32,7 +36,9 @@ class Drive(NamedTuple):
     replaced: float
 
 
-def drive(seed: int, *, lost_at: float, seconds: float, forget: str = "", break_down: bool = False) -> Drive:
+def drive(
+    seed: int, scenario: str = "recruit", *, lost_at: float, seconds: float, forget: str = "", break_down: bool = False
+) -> Drive:
     """Recruit at 20 % loss, lose the second member, and drive on.
 
     forget: a rule that the leader forgets before that, in a run whose order is without the condition about charge.
@@ -44,7 +50,7 @@ def drive(seed: int, *, lost_at: float, seconds: float, forget: str = "", break_
     members: list[tuple[float, int]] = []
     before: set[int] = set()
     lost, second = -1.0, -1
-    with sc.open("recruit", seed=seed, over=over, threads=1) as fleet:
+    with sc.open(scenario, seed=seed, over=over, threads=1) as fleet:
         recruiting = [command.text for command in fleet.swarm.simulator.scenario.commands[:-1]]
         while fleet.time < seconds:
             if fleet.time < REPEATS * STEP:
@@ -88,9 +94,11 @@ def _say(fleet: sc.Fleet, text: str) -> None:
         fleet.send(text, wait=0, sure=True)
 
 
-@pytest.mark.parametrize("break_down", [False, True], ids=["dies", "stands still"])
-def test_a_convoy_is_recruited_and_a_lost_member_replaced(break_down: bool) -> None:
-    found = drive(1, lost_at=22.0, seconds=34.0, break_down=break_down)
+@pytest.mark.parametrize(
+    ("scenario", "break_down"), [("recruit", False), ("recruit", True), ("recruit-best", False), ("recruit-best", True)]
+)
+def test_a_convoy_is_recruited_and_a_lost_member_replaced(scenario: str, break_down: bool) -> None:
+    found = drive(1, scenario, lost_at=22.0, seconds=34.0, break_down=break_down)
     assert found.whole < 10.0
     assert found.replaced < 10.0
     assert found.in_place > 0.8, "a short drive; the loss is a large part of it"
@@ -103,10 +111,42 @@ def test_without_its_conditions_and_the_rule_about_losses_it_is_not() -> None:
     assert found.replaced == np.inf
 
 
+def size_of(scenario: str, names: Sequence[str]) -> tuple[int, int, int]:
+    """The lines of some rules and words as they are written, their bytes as they are sent, and those of all commands
+    before somebody dies."""
+    texts = [command.text for command in find_scenario(scenario).commands[:-1]]
+    whole = "\n".join(texts)
+    found = [written(whole, match.start()) for match in re.finditer(rf"\((RULE|DEFUN) ({'|'.join(names)})\b", whole)]
+    assert len(found) == len(names)
+    size = sum(len(show(read(text))) for text in found)
+    return sum(text.count("\n") + 1 for text in found), size, sum(len(show(read(text))) for text in texts)
+
+
+def written(text: str, start: int) -> str:
+    """The form that begins there, as it is written."""
+    depth = 0
+    for at in range(start, len(text)):
+        depth += {"(": 1, ")": -1}.get(text[at], 0)
+        if depth == 0:
+            return text[start : at + 1]
+    raise AssertionError("it has no end")
+
+
+def test_the_page_tells_how_long_both_are() -> None:
+    rules = size_of("recruit", ("consider", "answer", "call", "choose"))
+    best = size_of("recruit-best", ("call",))
+    page = (find_scenario("recruit-best").path.parent / "README.md").read_text(encoding="utf-8")
+    for row, (left, right) in zip(
+        ("its lines", "its bytes", "bytes of all"), zip(rules, best, strict=True), strict=True
+    ):
+        assert re.search(rf"^\| {row}.* \| {left:,} \| {right:,} \|$", page, re.MULTILINE), (row, left, right)
+
+
 @pytest.mark.nightly
+@pytest.mark.parametrize("scenario", ["recruit", "recruit-best"])
 @pytest.mark.parametrize("break_down", [False, True], ids=["dies", "stands still"])
-def test_held_out_seeds(break_down: bool) -> None:
-    found = [drive(seed, lost_at=60.0, seconds=150.0, break_down=break_down) for seed in range(100, 120)]
+def test_held_out_seeds(scenario: str, break_down: bool) -> None:
+    found = [drive(seed, scenario, lost_at=60.0, seconds=150.0, break_down=break_down) for seed in range(100, 120)]
     assert not any(each.misfits for each in found)
     assert max(each.whole for each in found) < 10.0
     assert min(each.in_place for each in found) > 0.95

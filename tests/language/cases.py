@@ -89,6 +89,7 @@ class Body:
 FUNCTIONS = (
     HostFunction("VM", lambda body, right, left: body.do("VM", right, left), (SPEED, SPEED), arguments="right left"),
     HostFunction("ST", lambda body: body.do("ST")),
+    HostFunction("DOCK", lambda body: body.do("DOCK"), value=9),
     HostFunction("TK", lambda body, text: body.do("TK", text), labelled=True, arguments='"text"'),
     HostFunction("SONAR", lambda body, i: i / 2, (None,), arguments="i", acts=False),
     HostFunction("GIVE", lambda body, x: x, (None,), arguments="x", acts=False),

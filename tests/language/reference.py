@@ -201,6 +201,8 @@ class Reference:
         if key in self.values:
             return self.values[key]
         binding = self.vocabulary.bindings.get(key)
+        if isinstance(binding, HostFunction) and binding.value is not None:
+            return float(binding.value)
         if isinstance(binding, Constant):
             return binding.value
         return UNKNOWN if key in self.absent else self.user.get(key, UNKNOWN)

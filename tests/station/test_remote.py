@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import struct
 from collections import Counter
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from random import Random
@@ -201,6 +202,22 @@ def test_a_type_whose_names_cannot_be_united_is_left_out_with_a_reason() -> None
     far.look(["o"])
     assert list(far.minds) == ["s"]
     assert list(far.minds.refused.values()) == ["sonar is a number here and a function of scout"]
+
+
+@pytest.mark.parametrize("order", ["fln", "nlf"])
+def test_a_function_with_a_number_is_united_with_a_number_and_with_a_function(order: str) -> None:
+    """LAND is a mode of a vehicle of 0.2.0, a function of others, and both of a vehicle of today."""
+    land = HostFunction("LAND", lambda body: None)
+    types = {
+        "f": Vocabulary("flier", functions=(land,)),
+        "l": Vocabulary("copter of 0.2.0", sensors=(Quantity("mode"),), constants=(Constant("LAND", 9.0),)),
+        "n": Vocabulary("copter", sensors=(Quantity("mode"),), functions=(replace(land, value=9.0),)),
+    }
+    far = Far({name: Node(name, types[name]) for name in order})
+    for name in order:
+        far.look([name])
+    assert (set(far.minds), far.minds.refused) == ({*order}, {})
+    assert not far.station().check("(WHEN (= mode LAND) (LAND))").errors
 
 
 class Clocked(Station):

@@ -159,6 +159,8 @@ class HostFunction:
     irreversible: whether it cannot be undone, so that a desk asks for how many robots it is meant.
     moves: whether it moves the robot's body, if it acts.
     unit: in which people read the value, where its dimension does not say that: "deg" for a direction.
+    value: the number that its name stands for where it is not called, if it has one: of a mode that has become a
+        function, for instance.
     reads: the name of the sensor that it reads with such arguments (None for those that differ), if it does nothing
         else; "" where it does.
     native: how native code calls it, if it only senses; None where it cannot.
@@ -181,6 +183,7 @@ class HostFunction:
     irreversible: bool = False
     moves: bool = True
     unit: str = ""
+    value: float | None = None
     reads: Callable[[Sequence[float | None]], str] | None = field(default=None, compare=False)
     native: NativeForm | None = field(default=None, compare=False)
     writes: tuple[Writing, ...] = field(default=(), compare=False)

@@ -273,6 +273,8 @@ class Checker:
             return Part(op, symbol, slot=binding.slot, name=key, data=binding)
         if isinstance(binding, Constant):
             return Part("const", symbol, number=binding.value, name=key)
+        if isinstance(binding, HostFunction) and binding.value is not None:
+            return Part("const", symbol, number=float(binding.value), name=key)
         if binding is not None or key in FUNCTIONS:
             return self.error(f"{symbol.text} @@ is a function: write ({symbol.text} ...)", symbol)
         number = buffer_number(key)

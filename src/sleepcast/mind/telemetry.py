@@ -160,7 +160,8 @@ class FunctionRecord(msgspec.Struct, array_like=True):
 
 class VocabularyRecord(msgspec.Struct, omit_defaults=True):
     """See `Vocabulary`. forms: forms and parts of forms that robots of 0.2.0 do not have, and that these robots know.
-    neighbours: what their neighbours show, by name, each with its unit."""
+    neighbours: what their neighbours show, by name, each with its unit. numbers: functions whose name alone is a
+    number, see `HostFunction.value`."""
 
     name: Words
     sensors: Annotated[list[QuantityRecord], msgspec.Meta(max_length=MAX_NAMES)]
@@ -169,6 +170,7 @@ class VocabularyRecord(msgspec.Struct, omit_defaults=True):
     functions: Annotated[list[FunctionRecord], msgspec.Meta(max_length=MAX_NAMES)]
     forms: Annotated[list[Name], msgspec.Meta(max_length=MAX_NAMES)] = []
     neighbours: Annotated[list[tuple[Name, str]], msgspec.Meta(max_length=MAX_NAMES)] = []
+    numbers: Annotated[list[tuple[Name, float]], msgspec.Meta(max_length=MAX_NAMES)] = []
 
     @classmethod
     def of(cls, vocabulary: Vocabulary, doc: int) -> VocabularyRecord:
@@ -180,16 +182,19 @@ class VocabularyRecord(msgspec.Struct, omit_defaults=True):
             [FunctionRecord.of(each, doc) for each in vocabulary.functions],
             sorted(vocabulary.forms),
             _shown(vocabulary),
+            [(each.name, each.value) for each in vocabulary.functions if each.value is not None],
         )
 
     def made(self) -> Vocabulary:
         """The vocabulary, without callable functions."""
+        numbers = dict(self.numbers)
+        functions = (replace(each.made(), value=numbers.get(each.name)) for each in self.functions)
         return Vocabulary(
             self.name,
             tuple(each.made() for each in self.sensors),
             tuple(each.made() for each in self.actuators),
             constants=tuple(each.made() for each in self.constants),
-            functions=tuple(self._with_neighbours(each.made()) for each in self.functions),
+            functions=tuple(map(self._with_neighbours, functions)),
             forms=frozenset(self.forms),
         )
 

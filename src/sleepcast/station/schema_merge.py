@@ -2,8 +2,8 @@
 
 A name is in it if any type has it; its range is the widest. What is a number that each type has for itself (a constant
 that not all of them have alike) is a variable here, since it differs from robot to robot. A name that is a function on
-one type and a number on another cannot be both: the type that comes later is left out, and its robots cannot be
-foreseen.
+one type and a number on another cannot be both, unless that function has a number of its own: the type that comes later
+is left out, and its robots cannot be foreseen.
 """
 
 from __future__ import annotations
@@ -44,8 +44,9 @@ def merge_schemas(types: Mapping[Key, Vocabulary]) -> tuple[Vocabulary, dict[Key
     """The vocabulary of a fleet of these types, where the numbers of each belong, and why others are left out."""
     refused = _refused(types)
     kept = {key: of_type for key, of_type in types.items() if key not in refused}
-    alike = _alike(kept.values())
-    apart = [c for of_type in kept.values() for c in of_type.constants if c.name.casefold() not in alike]
+    both = _both(types)
+    alike = {key: constant for key, constant in _alike(kept.values()).items() if key not in both}
+    apart = [c for each in kept.values() for c in each.constants if c.name.casefold() not in {*alike, *both}]
     numbers = [Quantity(constant.name, doc=constant.doc) for constant in apart]
     actuators = _widest(quantity for of_type in kept.values() for quantity in of_type.actuators)
     sensors = _widest([*(quantity for of_type in kept.values() for quantity in of_type.sensors), *numbers])
@@ -67,15 +68,22 @@ def _refused(types: Mapping[Key, Vocabulary]) -> dict[Key, str]:
     """The types that have a number under the name that an earlier type has for a function, or the other way round."""
     kinds: dict[str, tuple[bool, str]] = {}
     refused: dict[Key, str] = {}
+    both = _both(types)
     for key, vocabulary in types.items():
         own = {name: isinstance(binding, HostFunction) for name, binding in vocabulary.bindings.items()}
         for name, is_function in own.items():
-            if name in kinds and kinds[name][0] is not is_function:
+            if name in kinds and kinds[name][0] is not is_function and name not in both:
                 what = ("number", "function")
                 refused[key] = f"{name} is a {what[is_function]} here and a {what[not is_function]} of {kinds[name][1]}"
         if key not in refused:
             kinds |= {name: (is_function, vocabulary.name) for name, is_function in own.items() if name not in kinds}
     return refused
+
+
+def _both(types: Mapping[Key, Vocabulary]) -> set[str]:
+    """The names that are a function with a number of its own on any type."""
+    functions = (function for of_type in types.values() for function in of_type.functions)
+    return {function.name.casefold() for function in functions if function.value is not None}
 
 
 def _alike(types: Iterable[Vocabulary]) -> dict[str, Constant]:
@@ -110,7 +118,8 @@ def _functions(functions: Iterable[HostFunction]) -> Iterable[HostFunction]:
             least = min(_least(one), _least(function))
             united[key] = replace(one, dimensions=(None,) * most, least=least)
         acts, for_good = one.acts or function.acts, one.irreversible or function.irreversible
-        united[key] = replace(united[key], acts=acts, irreversible=for_good)
+        number = function.value if one.value is None else one.value
+        united[key] = replace(united[key], acts=acts, irreversible=for_good, value=number)
     return united.values()
 
 

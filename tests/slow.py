@@ -29,6 +29,7 @@ SLOW = {
     "language/test_limits.py": 10,
     "simulator/bodies/test_bodies.py": 10,
     "test_docs.py": 10,
+    "bridges/test_hovering.py": 10,
     "bridges/test_ros2_scouts.py": 9,
     "channel/test_flood.py": 9,
     "cli/test_snapshots.py": 9,

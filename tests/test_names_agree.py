@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 
 from sleepcast.bridges.crazyflie.quadcopter import model_of as crazyflie
-from sleepcast.bridges.mavlink.vehicle import COPTER, ROVER
-from sleepcast.bridges.mavlink.vehicle import model_of as mavlink
+from sleepcast.bridges.mavlink.model import COPTER, ROVER
+from sleepcast.bridges.mavlink.model import model_of as mavlink
+from sleepcast.bridges.mavlink.vehicle import MavlinkVehicle
 from sleepcast.bridges.ros2.mapping import TURTLEBOT, read_mapping
 from sleepcast.bridges.ros2.robot import model_of as ros2
 from sleepcast.core.model import HostFunction, Quantity
@@ -112,7 +113,7 @@ def example() -> Names:
 def bridges() -> Iterator[Names]:
     yield Names.of("crazyflie", crazyflie(LIMITS))
     for modes in (COPTER, ROVER):
-        yield Names.of("mavlink", mavlink(modes, LIMITS))
+        yield Names.of("mavlink", mavlink(modes, LIMITS, MavlinkVehicle))
     for base in BASES.values():
         yield Names.of(f"nomad {base.name}", nomad(base))
     yield Names.of("ros2", ros2(read_mapping(TURTLEBOT, "/robot1")))

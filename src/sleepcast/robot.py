@@ -13,7 +13,7 @@ counter-clockwise from the x axis.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence, Set
-from math import cos, isnan, nan, pi, remainder
+from math import cos, inf, isnan, nan, pi, remainder, sqrt
 from typing import Protocol, runtime_checkable
 
 from sleepcast.core.model import HostFunction, NamedArea, Quantity, RestState
@@ -38,6 +38,8 @@ class Limits:
     acceleration: m/s2, braking included.
     fence: least x, least y, greatest x, greatest y in m; the body turns back there. None: no fence.
     least_range: m to what is in its way, before which it comes to rest; 0 for none.
+    climb: m/s upwards and downwards alike, of what hovers.
+    floor, ceiling: m of height between which what hovers is driven; only a take-off and a landing pass the floor.
     """
 
     speed: float
@@ -45,6 +47,9 @@ class Limits:
     acceleration: float
     fence: tuple[float, float, float, float] | None = None
     least_range: float = 0.0
+    climb: float = inf
+    floor: float = -inf
+    ceiling: float = inf
 
     @property
     def are_watched(self) -> bool:
@@ -59,7 +64,27 @@ class Limits:
             min(self.acceleration, others.acceleration),
             others.fence or self.fence,
             max(self.least_range, others.least_range),
+            min(self.climb, others.climb),
+            max(self.floor, others.floor),
+            min(self.ceiling, others.ceiling),
         )
+
+    def speed_before(self, room: float, lag: float) -> float:
+        """The greatest speed, m/s, that still comes to rest within `room` m if braking begins `lag` s from now: of the
+        way that `may_go_on` counts, v lag + v² / 2a."""
+        if room == inf:
+            return inf
+        room = max(room, 0.0)
+        return 2.0 * room / (lag + sqrt(lag * lag + 2.0 * room / (BRAKING * self.acceleration)))
+
+    def climb_within(self, height: float, wanted: float, lag: float) -> float:
+        """The climb rate, m/s, nearest to the wanted one that still comes to rest before the ceiling, or above the
+        floor; 0 for one that does not know its height (m; NaN)."""
+        room = self.ceiling - height if wanted > 0.0 else height - self.floor
+        if isnan(room):
+            return 0.0
+        most = min(self.climb, self.speed_before(room, lag))
+        return min(max(wanted, -most), most)
 
     def may_go_on(
         self,
@@ -144,6 +169,11 @@ class RobotModel:
     constants: tuple[BodyConstant, ...] = ()
     areas: tuple[NamedArea, ...] = ()
 
+    @property
+    def hovers(self) -> bool:
+        """Whether it moves in all directions, as `Setpoint.side` and `Setpoint.climb` ask."""
+        return any(actuator.name == "drive_climb" for actuator in self.actuators)
+
 
 @dataclass(frozen=True, slots=True)
 class Reading:
@@ -156,10 +186,13 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class Setpoint:
-    """How a mind wants its body to move: speed in m/s, turn_rate in rad/s. NaN leaves that one as it is."""
+    """How a mind wants its body to move: speed ahead in m/s, turn_rate in rad/s; what hovers also moves to its left
+    (side) and upwards (climb), m/s. NaN leaves that one as it is."""
 
     speed: float = nan
     turn_rate: float = nan
+    side: float = nan
+    climb: float = nan
 
 
 @runtime_checkable

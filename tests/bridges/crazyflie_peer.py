@@ -19,7 +19,7 @@ import time
 from random import Random
 
 VARIABLES = (
-    *(("stateEstimate", name, 7) for name in ("x", "y", "z", "vx", "vy", "yaw")),
+    *(("stateEstimate", name, 7) for name in ("x", "y", "z", "vx", "vy", "vz", "yaw")),
     ("gyro", "z", 7),
     ("pm", "batteryLevel", 1),
     ("supervisor", "info", 2),
@@ -36,7 +36,7 @@ class Peer:
     """The quadcopter; `advance` lets time pass for it."""
 
     def __init__(self) -> None:
-        self.values = dict.fromkeys(("x", "y", "z", "vx", "vy", "yaw", "turn"), 0.0) | {"charge": 80.0}
+        self.values = dict.fromkeys(("x", "y", "z", "vx", "vy", "vz", "yaw", "turn"), 0.0) | {"charge": 80.0}
         self.armed = self.flying = self.locked = False
         self.command = (0.0, 0.0, 0.0, 0.0)
         self.landing = 0.0
@@ -53,6 +53,7 @@ class Peer:
 
     def advance(self, seconds: float) -> None:
         now = self.values
+        before = now["z"]
         self.since += seconds
         if self.flying and not self.landing and self.since > FORGOTTEN:
             self.say(f"falls from {now['z']:.2f} m")
@@ -71,6 +72,7 @@ class Peer:
                 self.say("has landed by itself")
         elif self.flying:
             now["z"] = height
+        now["vz"] = (now["z"] - before) / seconds if seconds else 0.0
 
     def answers(self, packet: bytes) -> list[bytes]:
         """What it says to a packet: a header (port, two bits, channel) and data."""
@@ -116,7 +118,10 @@ class Peer:
     def _supervise(self, data: bytes) -> None:
         if data[0] == 1:
             self.armed = bool(data[1])
-            self.say("is armed")
+            self.say("is armed" if self.armed else "is disarmed")
+            if self.flying and not self.armed:
+                self.say(f"falls from {self.values['z']:.2f} m")
+                self.flying, self.locked, self.values["z"] = False, True, 0.0
         elif data[0] == 3 and not self.locked:
             self.flying, self.locked, self.values["z"] = False, True, 0.0
             self.say("cuts its motors")
@@ -143,7 +148,11 @@ class Peer:
     def logs(self) -> list[bytes]:
         """A packet for each log that runs."""
         now = self.values
-        shown = [*(now[name] for name in ("x", "y", "z", "vx", "vy", "yaw", "turn")), int(now["charge"]), self.info()]
+        shown = [
+            *(now[name] for name in ("x", "y", "z", "vx", "vy", "vz", "yaw", "turn")),
+            int(now["charge"]),
+            self.info(),
+        ]
         found = []
         for block in self.started:
             numbers = self.blocks[block]

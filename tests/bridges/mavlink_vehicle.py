@@ -6,7 +6,7 @@ It runs in the test's own process, where its time passes only when it is told to
 
 A line "reboot" on its standard input starts it anew, "mute" takes its voice, "speak" gives it back, "mode NUMBER" is
 its pilot's switch, "text WORDS" has it say these, and from "refuse" to "allow" it lets nobody arm it. It prints its
-modes.
+modes, and when a copter is in the air or on the ground.
 """
 
 from __future__ import annotations
@@ -27,18 +27,24 @@ from pyproj import Geod
 HOME = (36.6, -121.9)
 EARTH = Geod(ellps="WGS84")
 GUIDED = {"rover": 15, "copter": 4}
+LAND = 9
+GROUND = 120.0
+"""m above the sea, where it starts."""
+VERTICALLY = 2.0
+"""m/s, by itself."""
 LATE = 3.0
 """Seconds after which a setpoint no longer counts."""
 SYSTEM = 1
 
 
 class Vehicle:
-    """heading: rad clockwise from north; forward, climb: m/s; turn: rad/s clockwise."""
+    """heading: rad clockwise from north; forward, right, climb: m/s; turn: rad/s clockwise; ground: m above the sea,
+    from which its heights count."""
 
     def __init__(self, kind: str, key: bytes | None, *, stamp: float | None = None) -> None:
         self.kind, self.key, self.stamp = kind, key, stamp
         self.latitude, self.longitude = HOME
-        self.heading, self.height = pi / 2.0, 0.0
+        self.heading, self.height, self.ground = pi / 2.0, 0.0, GROUND
         self.orders: list[tuple[int, float]] = []
         self.heard: list[str] = []
         self.refuse: set[int] = set()
@@ -47,7 +53,7 @@ class Vehicle:
         self.reboot()
 
     def reboot(self) -> None:
-        self.time = self.forward = self.climb = self.turn = 0.0
+        self.time = self.forward = self.right = self.climb = self.turn = 0.0
         self.rest_at, self.mode, self.armed = -1.0, 0, False
         self.target: tuple[float, float, float] | None = None
         self.rising: float | None = None
@@ -70,14 +76,15 @@ class Vehicle:
         self.heard.append(kind)
         if kind == "COMMAND_LONG" and message.command not in self.deaf:
             self.orders.append((message.command, message.param2 if message.command == 176 else message.param1))
-            result = 2 if message.command in self.refuse else 0
+            result = 2 if message.command in self.refuse else 4 if self.fails(message) else 0
             if not result:
                 self.do(message)
             return [self.mav.command_ack_encode(message.command, result)]
         if kind.startswith("SET_POSITION_TARGET") and self.mode == GUIDED[self.kind] and self.armed:
             self.rest_at, self.target, self.rising = self.time + LATE, None, None
             if kind.endswith("LOCAL_NED"):
-                self.forward, self.climb, self.turn = message.vx, -message.vz, message.yaw_rate
+                self.forward, self.right = message.vx, message.vy
+                self.climb, self.turn = -message.vz, message.yaw_rate
             else:
                 self.target = message.lat_int / 1e7, message.lon_int / 1e7, message.alt
         return []
@@ -85,8 +92,18 @@ class Vehicle:
     def change_mode(self, mode: int) -> None:
         """As its pilot does with a switch, too, or its own failsafe."""
         self.mode = mode
-        self.forward = self.turn = self.climb = 0.0
+        self.forward = self.right = self.turn = self.climb = 0.0
         self.target = self.rising = None
+
+    @property
+    def flies(self) -> bool:
+        return self.kind == "copter" and self.height > 0.05
+
+    def fails(self, message: Any) -> bool:
+        """A copter takes off from the ground, armed and in GUIDED, and is not armed while it is in LAND."""
+        if message.command == 22:
+            return self.mode != GUIDED[self.kind] or not self.armed or self.flies
+        return message.command == 400 and message.param1 == 1.0 and (self.kind, self.mode) == ("copter", LAND)
 
     def do(self, message: Any) -> None:
         if message.command == 176:
@@ -104,23 +121,28 @@ class Vehicle:
         """What it says on the way."""
         self.time += seconds
         if self.time > self.rest_at:
-            self.forward = self.turn = self.climb = 0.0
+            self.forward = self.right = self.turn = self.climb = 0.0
         if self.rising is not None:
-            self.climb = 2.0 if self.height < self.rising else 0.0
+            self.climb = VERTICALLY if self.height < self.rising else 0.0
+        if (self.kind, self.mode) == ("copter", LAND):
+            self.climb = -1.0 if self.flies else 0.0
+            self.armed = self.armed and self.flies
         if self.target is not None:
             azimuth, _, far = EARTH.inv(self.longitude, self.latitude, self.target[1], self.target[0])
             self.heading, self.forward = radians(azimuth), min(self.fastest, far)
-            self.height = self.target[2]
+            self.climb = max(-VERTICALLY, min(VERTICALLY, (self.target[2] - self.height) / max(seconds, 0.01)))
             self.rest_at = self.time + LATE
         self.heading += self.turn * seconds
         self.height += self.climb * seconds
-        if go := self.forward * seconds:
-            self.longitude, self.latitude, _ = EARTH.fwd(self.longitude, self.latitude, degrees(self.heading), go)
+        for speed, aside in ((self.forward, 0.0), (self.right, pi / 2.0)):
+            if go := speed * seconds:
+                way = degrees(self.heading + aside)
+                self.longitude, self.latitude, _ = EARTH.fwd(self.longitude, self.latitude, way, go)
         return [self.pack(each) for each in self.say()]
 
     def say(self) -> list[Any]:
         said = []
-        for what, every in (("heartbeat", 1.0), ("position", 0.05), ("state", 0.5)):
+        for what, every in (("heartbeat", 1.0), ("position", 0.05), ("state", 0.25)):
             if self.time >= self.due[what] - 1e-9:
                 self.due[what] = self.time + every
                 said += getattr(self, what)()
@@ -132,8 +154,11 @@ class Vehicle:
 
     def position(self) -> list[Any]:
         now, heading = int(self.time * 1000), self.heading % (2.0 * pi)
-        north, east = (round(100 * self.forward * f(heading)) for f in (cos, sin))
-        place = round(self.latitude * 1e7), round(self.longitude * 1e7), 0, int(self.height * 1000)
+        ahead, east_of = cos(heading), sin(heading)
+        north = round(100 * (self.forward * ahead - self.right * east_of))
+        east = round(100 * (self.forward * east_of + self.right * ahead))
+        above = int(self.height * 1000)
+        place = round(self.latitude * 1e7), round(self.longitude * 1e7), round(self.ground * 1000) + above, above
         pace = north, east, round(-100 * self.climb), int(degrees(heading) * 100) % 36_000
         return [
             self.mav.global_position_int_encode(now, *place, *pace),
@@ -144,7 +169,14 @@ class Vehicle:
         return [
             self.mav.sys_status_encode(0, 0, 0, 0, 12_600, -1, 80, 0, 0, 0, 0, 0, 0),
             self.mav.gps_raw_int_encode(0, 3, 0, 0, 0, 0, 0, 0, 0, 11),
+            *([self.mav.extended_sys_state_encode(0, self.landed())] if self.kind == "copter" else []),
         ]
+
+    def landed(self) -> int:
+        """As ArduPilot's copters tell it: on the ground, in the air, taking off, landing."""
+        if not self.flies:
+            return 1
+        return 4 if self.mode == LAND else 2 if self.rising is None or self.height >= self.rising else 3
 
     def pack(self, message: Any) -> bytes:
         self.mav.seq = (self.mav.seq + 1) % 256
@@ -160,8 +192,11 @@ def main() -> None:
     wire.connect(("127.0.0.1", port))
     typed = FileIO(sys.stdin.fileno())  # so that no line waits where `select` does not see it
     began, mute, inputs = time.monotonic(), False, [wire, typed]
-    shown = -1
+    shown, flew = -1, False
     while True:
+        if vehicle.flies is not flew:
+            flew = vehicle.flies
+            print("in the air" if flew else "on the ground", flush=True)
         if vehicle.mode != shown:
             shown = vehicle.mode
             print(f"mode {shown}", flush=True)

@@ -11,7 +11,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
-from math import degrees, isclose, isnan
+from math import degrees, hypot, inf, isclose, isnan, nan
 from pathlib import Path
 from random import Random
 from threading import Event, Thread
@@ -28,12 +28,13 @@ from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
 from sleepcast.bridges.body import ROUND
 from sleepcast.bridges.crazyflie.quadcopter import LANDS_AFTER, LOCK, LOGGED, CrazyflieBody, model_of
 from sleepcast.core.clock import ManualClock
-from sleepcast.core.errors import MisuseError
+from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.robot import Limits, Setpoint
-from sleepcast.testing.robot_contract import BridgeContract, BridgeRig
+from sleepcast.testing.robot_contract import BridgeRig, HoverContract
 
 PATIENCE = 60.0
 """Seconds that a busy machine may take."""
+LIMITS = Limits(0.5, 1.5, 1.0, climb=0.5, floor=0.1, ceiling=3.0)
 
 
 class FakeCopter:
@@ -54,11 +55,11 @@ class FakeCopter:
         self._check()
         self.peer.answers(bytes([port << 4 | channel]) + data)
 
-    def hover(self, speed: float, turn_rate: float, height: float) -> None:
-        self._send(7, 0, struct.pack("<Bffff", 10, speed, 0.0, degrees(turn_rate), height))
+    def hover(self, speed: float, side: float, turn_rate: float, height: float) -> None:
+        self._send(7, 0, struct.pack("<Bffff", 10, speed, side, degrees(turn_rate), height))
 
-    def arm(self) -> None:
-        self._send(9, 1, b"\1\1")
+    def arm(self, armed: bool) -> None:
+        self._send(9, 1, bytes((1, armed)))
 
     def stop_motors(self) -> None:
         self._send(7, 0, b"\0")
@@ -72,7 +73,7 @@ class FakeCopter:
     def logged(self) -> Mapping[str, float] | None:
         self._check()
         now = self.peer.values
-        shown = (now[name] for name in ("x", "y", "z", "vx", "vy", "yaw", "turn", "charge"))
+        shown = (now[name] for name in ("x", "y", "z", "vx", "vy", "vz", "yaw", "turn", "charge"))
         return dict(zip(LOGGED, (*shown, float(self.peer.info())), strict=True))
 
     def close(self) -> None:
@@ -81,7 +82,7 @@ class FakeCopter:
 
 def rig_of(copter: FakeCopter) -> BridgeRig:
     clock = ManualClock()
-    body = CrazyflieBody(copter.open, model_of(Limits(0.5, 1.5, 1.0)), 0.5, clock=clock)
+    body = CrazyflieBody(copter.open, model_of(LIMITS), 0.5, clock=clock)
 
     def cut() -> None:
         copter.whole = False
@@ -109,7 +110,7 @@ def take_off(rig: BridgeRig, *height: float) -> None:
     rig.wait(2.0)
 
 
-class TestCrazyflie(BridgeContract):
+class TestCrazyflie(HoverContract):
     @pytest.fixture
     def rig(self, copter: FakeCopter) -> BridgeRig:
         copter.peer.advance = lambda seconds: self.without_a_fall(copter.peer, seconds)  # type: ignore[method-assign]
@@ -206,6 +207,99 @@ def test_on_the_ground_it_is_not_driven_and_says_so_once(copter: FakeCopter) -> 
     assert rig.body.complaints() == ["the Crazyflie stands on the ground: send (TAKEOFF) before it is driven"]
 
 
+def test_it_goes_to_places_within_its_limits_and_waits_there(copter: FakeCopter) -> None:
+    rig = flying(copter)
+    body = rig.body
+    assert isinstance(body, CrazyflieBody)
+    body.narrow(Limits(inf, inf, inf, fence=(-2.0, -2.0, 2.0, 2.0)))
+    for x, y, z in ((1.5, -1.0, 1.2), (-2.0, 2.0, nan)):  # the second is a corner of its fence
+        body.go_to(x, y, z)
+        for _ in range(60):
+            rig.wait(0.2)
+            assert hypot(*body.drift_measured()) <= 0.5 * 1.001
+        found = rig.sensed()
+        assert (found["x"], found["y"]) == pytest.approx((x, y), abs=0.02)
+        assert found["height"] == found["z"] == pytest.approx(1.2)
+    assert body.complaints() == []
+    for place, complaint in (
+        ((2.5, 0.0), "outside of the fence"),
+        ((0.0, 0.0, 3.5), "it flies from 0.1 to 3 m high, not at 3.5 m"),
+        ((0.0, 0.0, 0.01), "it flies from 0.1 to 3 m high"),
+        ((nan, 0.0), "outside of the fence"),
+    ):
+        with pytest.raises(SleepcastError, match=complaint):
+            body.go_to(*place)
+    body.go_to(0.0, 0.0)
+    rig.wait(1.0)
+    body.stop()
+    with pytest.raises(MisuseError, match="RELEASE it first"):
+        body.arm()
+    rig.wait(1.0)
+    there = rig.sensed()
+    body.release()
+    rig.wait(2.0)
+    assert rig.sensed()["x"] == pytest.approx(there["x"], abs=1e-3), "nothing old resumes"
+
+
+def test_a_place_is_for_one_that_flies(copter: FakeCopter) -> None:
+    rig = rig_of(copter)
+    body = rig.body
+    assert isinstance(body, CrazyflieBody)
+    rig.wait(0.1)
+    with pytest.raises(MisuseError, match="stands on the ground"):
+        body.go_to(1.0, 0.0)
+    body.take_off()
+    body.go_to(1.0, 0.0)  # in the same tick
+    rig.wait(6.0)
+    assert rig.sensed()["x"] == pytest.approx(1.0, abs=0.02)
+    body.touch_down()
+    rig.wait(0.2)
+    with pytest.raises(MisuseError, match="it is landing: say at which height"):
+        body.go_to(0.0, 0.0)
+    body.go_to(0.0, 0.0, 0.6)
+    rig.wait(6.0)
+    assert (rig.sensed()["x"], rig.sensed()["z"]) == pytest.approx((0.0, 0.6), abs=0.02)
+
+
+def test_it_climbs_on_the_spot_between_its_floor_and_its_ceiling(copter: FakeCopter) -> None:
+    rig = flying(copter)
+    rig.body.climb(9.0)
+    rig.wait(1.0)
+    assert rig.sensed()["climb_rate"] == pytest.approx(0.5, abs=1e-3)
+    rig.wait(9.0)
+    assert rig.sensed()["height"] == pytest.approx(3.0, abs=0.01)
+    rig.body.climb(-0.2)
+    rig.wait(20.0)
+    assert 0.1 <= rig.sensed()["height"] < 0.12, "only a landing goes to the ground"
+    assert copter.peer.flying
+
+
+def test_it_is_armed_by_a_take_off_and_disarmed_on_the_ground_alone(copter: FakeCopter) -> None:
+    rig = rig_of(copter)
+    body = rig.body
+    assert isinstance(body, CrazyflieBody)
+    rig.wait(0.1)
+    assert body.arm() == 1.0
+    assert rig.sensed()["armed"] == 0.0
+    body.take_off()
+    with pytest.raises(MisuseError, match=r"\(LAND\) first, or \(MOTORS-OFF\)"):
+        body.disarm()
+    rig.wait(2.0)
+    assert rig.sensed()["armed"] == 1.0
+    with pytest.raises(MisuseError, match="in the air, where"):
+        body.disarm()
+    body.touch_down()
+    rig.wait(3.0)
+    assert (rig.sensed()["armed"], rig.sensed()["flying"]) == (1.0, 0.0)
+    body.disarm()
+    rig.wait(0.2)
+    assert rig.sensed()["armed"] == 0.0
+    body.disarm()
+    body.take_off()  # comes first: it would fall
+    rig.wait(2.0)
+    assert copter.peer.flying
+
+
 def test_without_a_mind_it_lands_after_a_while(copter: FakeCopter) -> None:
     rig = flying(copter)
     rig.look_away(LANDS_AFTER - 1.0)
@@ -265,7 +359,7 @@ def test_motors_that_were_cut_by_others_and_ones_that_never_turn_are_told(copter
 def test_it_flies_neither_in_the_ground_nor_through_the_ceiling(copter: FakeCopter, height: float) -> None:
     body = rig_of(copter).body
     assert isinstance(body, CrazyflieBody)
-    with pytest.raises(MisuseError, match=r"a Crazyflie flies above 0\.05 and up to 3 m"):
+    with pytest.raises(MisuseError, match=r"it flies from 0\.1 to 3 m high, not at"):
         body.take_off(height)
 
 
@@ -278,7 +372,7 @@ def test_it_flies_neither_in_the_ground_nor_through_the_ceiling(copter: FakeCopt
         ("crazyflie://radiox:80#E7E7E7E7E7", "wanted the radio"),
         ("crazyflie://radio0:80?rate=3M#E7E7E7E7E7", "there is no rate '3M'"),
         ("crazyflie://127.0.0.1", "wanted a port"),
-        ("crazyflie://127.0.0.1:19850?height=9", "height is a number above 0.05 and up to 3, in m"),
+        ("crazyflie://127.0.0.1:19850?height=9", "height is a number above 0.1 and up to 3, in m"),
         ("crazyflie://127.0.0.1:19850?hight=1", "did you mean height?"),
     ],
 )
@@ -328,8 +422,9 @@ def test_the_real_library_flies_it_loses_it_and_finds_it_again(process: subproce
 
         def driven() -> bool:
             """As it is asked to, time and again: on a busy machine it may be out of reach for a moment, and hover."""
-            body.act(Setpoint(speed=0.4, turn_rate=0.5))
-            return isclose(sensed("speed"), 0.4, abs_tol=1e-3) and isclose(sensed("turn_rate"), 0.5, abs_tol=1e-3)
+            body.act(Setpoint(speed=0.4, turn_rate=0.5, side=0.2))
+            wanted, found = (0.4, 0.2, 0.5), (*body.drift_measured(), sensed("turn_rate"))
+            return all(isclose(one, other, abs_tol=1e-3) for one, other in zip(wanted, found, strict=True))
 
         until(lambda: driven() and sensed("heading") > 0.2)
         body.stop()
@@ -425,7 +520,7 @@ def test_a_link_that_goes_while_something_is_sent_keeps_nobody_waiting(
         copter = CflibQuadcopter(f"udp://127.0.0.1:{port}", LOGGED)
         assert "ping_thread" not in [thread.name for thread in enumerate_threads()], "it may wait for whoever sends"
         monkeypatch.setattr(copter._copter.link, "send_packet", gone)
-        sending = [Thread(target=copter.hover, args=(0.0, 0.0, 0.4), daemon=True) for _ in range(2)]
+        sending = [Thread(target=copter.hover, args=(0.0, 0.0, 0.0, 0.4), daemon=True) for _ in range(2)]
         for each in sending:
             each.start()
             each.join(PATIENCE)

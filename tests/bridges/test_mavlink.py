@@ -6,7 +6,7 @@ import hashlib
 import socket
 from collections.abc import Callable
 from contextlib import closing
-from math import inf, isnan, pi
+from math import inf, isnan, nan, pi
 from pathlib import Path
 from random import Random
 from threading import Event, Thread
@@ -24,7 +24,8 @@ from processes import live_in
 from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
 from sleepcast.bridges.body import ROUND, UNATTENDED, BridgedBody, FencedError
 from sleepcast.bridges.mavlink.link import MavlinkConnection
-from sleepcast.bridges.mavlink.vehicle import COPTER, OTHERS, ROVER, MavlinkVehicle
+from sleepcast.bridges.mavlink.model import COPTER, ROVER
+from sleepcast.bridges.mavlink.vehicle import OTHERS, MavlinkVehicle
 from sleepcast.channel import Kind, Message
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError
@@ -33,11 +34,11 @@ from sleepcast.loop import vocabulary_of
 from sleepcast.loop.real import act
 from sleepcast.node.node import Node
 from sleepcast.robot import Limits, Setpoint
-from sleepcast.testing.robot_contract import BridgeContract, BridgeRig
+from sleepcast.testing.robot_contract import BridgeContract, BridgeRig, HoverContract
 
 VEHICLE = Path(__file__).with_name("mavlink_vehicle.py")
 KEY, OTHER = (hashlib.sha256(phrase).digest() for phrase in (b"fleet key", b"another"))
-LIMITS = Limits(speed=2.0, turn_rate=1.0, acceleration=2.0)
+LIMITS = Limits(speed=2.0, turn_rate=1.0, acceleration=2.0, climb=1.0, floor=0.5, ceiling=30.0)
 
 
 class Loop:
@@ -76,13 +77,21 @@ class Loop:
 
 class MavlinkRig(BridgeRig):
     def __init__(
-        self, kind: str = "rover", key: bytes | None = KEY, *, failsafe: str = "LOITER", vehicle: Vehicle | None = None
+        self,
+        kind: str = "rover",
+        key: bytes | None = KEY,
+        *,
+        failsafe: str = "LOITER",
+        vehicle: Vehicle | None = None,
+        altitude: float = nan,
     ) -> None:
         self.vehicle, clock = vehicle or Vehicle(kind, KEY), ManualClock(1_000.0)
         self.loop, self.time = Loop(self.vehicle), clock
         modes = ROVER if kind == "rover" else COPTER
         link = MavlinkConnection(self.loop, 255, 190, key)
-        self.vehicle_body = MavlinkVehicle(link, 1, modes, LIMITS, failsafe=failsafe, origin=Origin(*HOME), clock=clock)
+        self.vehicle_body = MavlinkVehicle(
+            link, 1, modes, LIMITS, failsafe=failsafe, origin=Origin(*HOME), altitude=altitude, clock=clock
+        )
 
         def switch(whole: bool) -> Callable[[], None]:
             def throw() -> None:
@@ -108,6 +117,15 @@ class TestRover(BridgeContract):
     @pytest.fixture
     def rig(self) -> MavlinkRig:
         return MavlinkRig().ready()
+
+
+class TestCopter(HoverContract):
+    @pytest.fixture
+    def rig(self) -> MavlinkRig:
+        rig = MavlinkRig("copter").ready()
+        rig.vehicle_body.take_off(5.0)
+        rig.wait(4.0)
+        return rig
 
 
 def test_what_it_senses_is_metres_around_the_origin() -> None:
@@ -149,6 +167,104 @@ def test_a_copter_takes_off_goes_somewhere_and_does_not_leave_its_fence() -> Non
     assert rig.sensed()["height"] == pytest.approx(30.0, abs=0.2), "the ceiling"
 
 
+def test_a_take_off_arms_and_chooses_the_mode_and_a_landing_ends_it() -> None:
+    rig = MavlinkRig("copter")
+    mind = Ticks(rig)
+    mind.go_on(1.2)
+    assert (rig.sensed()["armed"], rig.sensed()["flying"]) == (0.0, 0.0)
+    for height in (5.0, 3.0):
+        rig.vehicle.orders.clear()
+        mind.say("(TAKEOFF)" if height == 5.0 else "(TAKEOFF 3m)")
+        mind.go_on(4.0)
+        found = rig.sensed()
+        assert found["height"] == pytest.approx(height, abs=0.3)
+        assert (found["armed"], found["flying"], found["mode"]) == (1.0, 1.0, COPTER["GUIDED"])
+        assert [number for number, _ in rig.vehicle.orders] == [176, 400, 22], "one after the other"
+        mind.say("(LAND)")
+        mind.go_on(1.0)
+        assert (rig.sensed()["flying"], rig.sensed()["mode"]) == (1.0, COPTER["LAND"])
+        mind.go_on(6.0)
+        assert (rig.sensed()["flying"], rig.sensed()["armed"]) == (0.0, 0.0)
+    said = ["its motors are off; it is at rest until it is armed and a command moves it"]
+    assert rig.body.complaints() == said * 2
+
+
+@pytest.mark.parametrize(
+    ("refused", "said"),
+    [
+        (400, ["the order about arming or disarming was answered: denied"]),
+        (176, ["the order about the mode was answered: denied; arming or disarming, asked for with it, is left out"]),
+        (22, ["the order about taking off was answered: denied"]),
+    ],
+)
+def test_a_take_off_that_is_refused_is_told_and_goes_no_further(refused: int, said: list[str]) -> None:
+    rig = MavlinkRig("copter")
+    mind = Ticks(rig)
+    mind.go_on(1.2)
+    rig.vehicle.refuse = {refused}
+    mind.say("(TAKEOFF 5m)")
+    mind.go_on(3.0)
+    rig.vehicle.refuse = set()
+    mind.go_on(3.0)
+    assert rig.sensed()["height"] == 0.0, "nothing takes effect late"
+    assert [each for each in rig.body.complaints() if not each.startswith("it does not follow")] == said
+
+
+def test_a_take_off_in_the_air_comes_to_its_height_and_takes_nothing_from_a_pilot() -> None:
+    rig = MavlinkRig("copter")
+    mind = Ticks(rig)
+    mind.go_on(1.2)
+    mind.say("(TAKEOFF 5m)")
+    mind.go_on(4.0)
+    mind.say("(TAKEOFF 8m)")
+    mind.go_on(4.0)
+    assert rig.sensed()["height"] == pytest.approx(8.0, abs=0.1)
+    assert (rig.sensed()["x"], rig.sensed()["y"]) == pytest.approx((0.0, 0.0), abs=0.1)
+    rig.vehicle.change_mode(COPTER["ALT_HOLD"])
+    mind.go_on(1.2)
+    with pytest.raises(MisuseError, match="somebody else has put it into ALT_HOLD"):
+        rig.vehicle_body.take_off(5.0)
+    rig.body.complaints()
+    for height in (0.2, 31.0, nan):
+        with pytest.raises(MisuseError, match=r"from 0.5 to 30 m high|into ALT_HOLD"):
+            rig.vehicle_body.take_off(height)
+    mind.go_on(1.0)
+    assert rig.vehicle.mode == COPTER["ALT_HOLD"]
+
+
+def test_its_old_names_mean_what_they_meant() -> None:
+    """(LAND) was no function, and LAND the number of a mode."""
+    rig = MavlinkRig("copter")
+    mind = Ticks(rig)
+    mind.go_on(1.2)
+    mind.say("(SET_MODE GUIDED)", "(ARM)", "(TAKEOFF 5m)")
+    mind.go_on(4.0)
+    mind.say("(RULE down (ONCE (= mode LAND) (MARK)))", "(SET_MODE LAND)")
+    mind.go_on(1.0)
+    assert (rig.vehicle.mode, mind.node.evaluate("marked").value) == (COPTER["LAND"], 1.0)
+    assert mind.node.evaluate("(= height z)").value == 1.0
+
+
+def test_heights_above_a_shared_origin_are_those_above_the_start_of_each() -> None:
+    rig = MavlinkRig("copter", altitude=100.0).ready()
+    rig.vehicle_body.take_off(5.0)
+    rig.wait(4.0)
+    assert (rig.sensed()["height"], rig.sensed()["z"]) == pytest.approx((5.0, 25.0), abs=0.3)
+    rig.vehicle_body.go_to(3.0, 0.0, 27.0)
+    rig.wait(5.0)
+    assert (rig.sensed()["height"], rig.sensed()["z"]) == pytest.approx((7.0, 27.0), abs=0.1)
+    with pytest.raises(MisuseError, match=r"it flies from 0\.5 to 30 m high, not at 40 m"):
+        rig.vehicle_body.go_to(3.0, 0.0, 60.0)
+
+
+def test_a_rover_does_nothing_that_only_what_hovers_does() -> None:
+    model = MavlinkRig().body.model
+    assert not model.hovers
+    assert [actuator.name for actuator in model.actuators] == ["drive_speed", "drive_turn"]
+    assert [function.name for function in model.functions] == ["ARM", "DISARM", "SET_MODE", "GOTO"]
+    assert {"z", "flying"}.isdisjoint(sensor.name for sensor in model.sensors)
+
+
 def test_a_vehicle_that_moves_in_any_direction_is_not_at_rest() -> None:
     """Also one that climbs, whose speed along its heading is 0."""
     rig = MavlinkRig("copter").ready()
@@ -177,6 +293,8 @@ def test_stop_holds_a_vehicle_that_flies_by_itself() -> None:
     assert rig.vehicle.mode == COPTER["LOITER"]
     with pytest.raises(MisuseError, match="RELEASE it first"):
         rig.vehicle_body.arm()
+    rig.vehicle_body.take_off(3.0)
+    rig.vehicle_body.touch_down()
     rig.body.release()
     rig.wait(2.0)
     assert rig.vehicle.mode == COPTER["LOITER"], "nothing old resumes"

@@ -12,7 +12,8 @@ Everything that moves the robot is a `Motion` that goes through `move`, and each
     STOP, hold  the body rests, whatever is asked
     limits      speed and turn rate are brought within them, changes of speed are spread over time; what would pass the
                 fence, or come too near to something, becomes rest. A body that does not know where it is stands, if it
-                has a fence
+                has a fence. What hovers has a speed to its side and a climb rate, too: the first two are one vector of
+                speed, and it climbs no faster than it can come to rest before its floor and its ceiling
     reach       a robot that is gone is looked for again and again, ever less often. Meanwhile what is asked is refused;
                 when it is back, the body is at rest, and nothing old resumes. What a bridge does not expect of its
                 robot counts as that, so that the I/O thread goes on
@@ -28,7 +29,7 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from math import inf, isfinite, isnan, nan
+from math import atan2, hypot, inf, isfinite, isnan, nan
 from threading import Event, Lock, Thread
 from types import TracebackType
 from typing import ClassVar, Self
@@ -80,8 +81,9 @@ class FencedError(SleepcastError):
 class Motion:
     """What a body is to do.
 
-    sort: its type: "rest", "speeds", or one of the bridge's own.
-    values: of "speeds", speed in m/s and turn rate in rad/s.
+    sort: its type: "rest", "speeds", of what hovers "climb", or one of the bridge's own.
+    values: of "speeds", speed in m/s and turn rate in rad/s, and of what hovers its speeds to its left and upwards,
+        m/s; of "climb", that upwards alone.
     """
 
     sort: str
@@ -92,7 +94,8 @@ REST = Motion("rest")
 
 
 class BridgedBody(ABC):
-    """See the module. Its sensors have x, y, heading, speed and turn_rate among them if it can keep a fence.
+    """See the module. Its sensors have x, y, heading, speed and turn_rate among them if it can keep a fence, and height
+    if it hovers.
 
     model: what it answers to.
     clock: by which the mind's looks are timed.
@@ -113,6 +116,7 @@ class BridgedBody(ABC):
 
     def __init__(self, model: RobotModel, *, clock: Clock | None = None, in_step: bool = False) -> None:
         self.model, self._clock, self._in_step = model, clock or WallClock(), in_step
+        self._hovers = model.hovers
         self._lock = Lock()
         """Held to change what follows; never while anybody waits for the robot."""
         self._motion = self.failsafe = REST
@@ -130,8 +134,10 @@ class BridgedBody(ABC):
         self._attended = self._heard = self._clock.now()
         self._looks_every = 0.0
         """Seconds between the mind's last two looks."""
-        self._speed, self._paced = 0.0, nan
-        """The speed that the robot was last told, m/s, and when."""
+        self._at_rest: tuple[float, ...] = (0.0,) * (3 if self._hovers else 1)
+        self._going: tuple[float, ...] = self._at_rest
+        self._paced = nan
+        """What the robot was last told, m/s ahead, and of what hovers to its left and upwards, and when."""
         self._kept_back, self._kept_at = "", -inf
         """Why the limits last brought it to rest, and when."""
         self._wake, self._ending, self._given_up = Event(), False, in_step
@@ -164,6 +170,16 @@ class BridgedBody(ABC):
         """Speed and turn rate, m/s and rad/s, of a motion, the greatest that it may come to; None for one that needs
         not be watched, or watches itself."""
         return (motion.values[0], motion.values[1]) if motion.sort == "speeds" else None
+
+    def steered(self, motion: Motion) -> Motion:
+        """What a motion comes to now: "speeds" for one that this computer steers, itself if the robot does."""
+        if self._hovers and motion.sort == "climb":
+            return Motion("speeds", (0.0, 0.0, 0.0, motion.values[0]))
+        return motion
+
+    def drift_measured(self) -> tuple[float, float]:
+        """Of what hovers, how fast it goes along its heading and to its left, m/s; NaN for unknown."""
+        return self._sensed().get("speed", nan), 0.0
 
     def nearest(self, first: float, last: float) -> float:
         """Distance in m to the nearest thing between two angles, rad counter-clockwise from the heading; NaN if
@@ -209,17 +225,39 @@ class BridgedBody(ABC):
 
     def act(self, wanted: Setpoint) -> None:
         motion = self._motion
-        speed, turn = (self.course(motion) if motion.sort == "speeds" else None) or (0.0, 0.0)
+        course = self.course(motion) if motion.sort == "speeds" else None
+        speed, turn = course or (0.0, 0.0)
+        speed = speed if isnan(wanted.speed) else wanted.speed
+        turn = turn if isnan(wanted.turn_rate) else wanted.turn_rate
         with suppress(OutOfReachError):
-            self.drive(
-                speed if isnan(wanted.speed) else wanted.speed, turn if isnan(wanted.turn_rate) else wanted.turn_rate
-            )
+            if not self._hovers:
+                self.drive(speed, turn)
+                return
+            side, climb = motion.values[2:] if course else (0.0, 0.0)
+            side, climb = side if isnan(wanted.side) else wanted.side, climb if isnan(wanted.climb) else wanted.climb
+            self.fly(speed, turn, side, climb)
 
     def drive(self, speed: float, turn_rate: float) -> None:
         """Drive on at this speed (m/s) and turn rate (rad/s), as far as the limits allow."""
+        if self._hovers:
+            self.fly(speed, turn_rate, 0.0, 0.0)
+            return
         most = self.model.limits
         speed, turn_rate = clamped(speed, most.speed), clamped(turn_rate, most.turn_rate)
         self.move(Motion("speeds", (speed, turn_rate)) if speed or turn_rate else REST)
+
+    def fly(self, speed: float, turn_rate: float, side: float, climb: float) -> None:
+        """Of what hovers: fly on at these speeds ahead, to its left and upwards (m/s), and at this turn rate (rad/s),
+        as far as the limits allow: the speed that they limit is that over the ground, in whatever direction."""
+        most = self.model.limits
+        speed, side = clamped(speed, most.speed), clamped(side, most.speed)
+        share = max(1.0, hypot(speed, side) / most.speed)
+        values = (speed / share, clamped(turn_rate, most.turn_rate), side / share, clamped(climb, most.climb))
+        self.move(Motion("speeds", values) if any(values) else REST)
+
+    def climb(self, speed: float) -> None:
+        """Climb at this speed, m/s, or sink, on the spot."""
+        self.move(Motion("climb", (clamped(speed, self.model.limits.climb),)))
 
     def stop(self) -> None:
         with self._lock:
@@ -336,6 +374,11 @@ class BridgedBody(ABC):
         """Say at the node that something has gone wrong."""
         self._complaints.append(sentence)
 
+    def check_free(self) -> None:
+        """Raise MisuseError while it is stopped: for what is no motion, and would let it move."""
+        if self._stopped:
+            raise MisuseError("it is stopped: RELEASE it first")
+
     def keep_its_place(self) -> None:
         """A fence means nothing to a body that can be talked into being elsewhere. Raises FencedError."""
         if self.model.limits.fence is not None:
@@ -344,7 +387,7 @@ class BridgedBody(ABC):
     def rest(self) -> None:
         """Forget what was asked: the robot has lost or found itself anew, and nothing old may resume."""
         with self._lock:
-            self._motion, self._sent_motion, self._speed = REST, None, 0.0
+            self._motion, self._sent_motion, self._going = REST, None, self._at_rest
             self._jobs.clear()
 
     def _check_reach(self) -> None:
@@ -384,10 +427,10 @@ class BridgedBody(ABC):
             if not self._in_step and self._clock.now() - self._attended > UNATTENDED:
                 self._motion = self.failsafe
             if self.model.limits.are_watched:
-                self._keep_back(self._why_not(self._motion))
+                self._keep_back(self._why_not(self.steered(self._motion)))
             motion = self._current = REST if self._stopped or self._held else self._motion
             jobs, self._jobs = list(self._jobs), deque()
-        motion = self._paced_motion(motion)
+        motion = self._paced_motion(self.steered(motion))
         todo: list[Callable[[], object]] = list(jobs)
         if self.RENEWS or motion is not self._sent_motion:
             todo.insert(0 if motion is REST else len(todo), lambda: self.carry_out(motion))
@@ -410,13 +453,17 @@ class BridgedBody(ABC):
         passed = min(now - self._paced, LAG) if isfinite(self._paced) else 0.0
         self._paced = now
         if self.KEEPS_ACCELERATION or motion.sort not in ("rest", "speeds"):
-            self._speed = 0.0
+            self._going = self._at_rest
             return motion
-        wanted, turn = (motion.values[0], motion.values[1]) if motion.sort == "speeds" else (0.0, 0.0)
-        self._speed += clamped(wanted - self._speed, self.model.limits.acceleration * max(passed, 0.0))
-        if motion is REST and self._speed == 0.0:
+        speed, turn, *others = motion.values if motion.sort == "speeds" else (0.0, 0.0, *self._at_rest[1:])
+        wanted = (speed, *others)[: len(self._at_rest)]
+        self._going = approached(self._going, wanted, self.model.limits.acceleration * max(passed, 0.0))
+        if self._hovers:
+            height = self._sensed().get("height", nan)
+            self._going = (*self._going[:2], self.model.limits.climb_within(height, self._going[2], LAG))
+        if motion is REST and not any(self._going):
             return REST
-        return Motion("speeds", (self._speed, turn))
+        return Motion("speeds", (self._going[0], turn, *self._going[1:]))
 
     def _keep_back(self, why: str) -> None:
         """Bring the body to rest if there is a reason, and say so: a rule may ask for it again in every tick."""
@@ -435,11 +482,34 @@ class BridgedBody(ABC):
         known = self._sensed()
         x, y, heading, speed, turning = (known.get(n, nan) for n in ("x", "y", "heading", "speed", "turn_rate"))
         wanted, turn = course
+        side = motion.values[2] if self._hovers else 0.0
         if self.model.limits.fence is not None and isnan(x + y + heading):
-            return "it does not know where it is, and has a fence" if wanted else ""
+            return "it does not know where it is, and has a fence" if wanted or side else ""
         turn = max(abs(turn), 0.0 if isnan(turning) else abs(turning))
         going = self.model.limits.speed if isnan(speed) else speed
-        ahead = (x, y, heading), going, wanted, turn, LAG, self.nearest
+        ways = self._ways(wanted, side) if self._hovers else [(0.0, going, wanted)]
+        return next(filter(None, (self._what_is_ahead((x, y, heading), turn, *way) for way in ways)), "")
+
+    def _ways(self, wanted: float, side: float) -> list[tuple[float, float, float]]:
+        """In which directions what hovers goes and wants to go, rad from its heading, and how fast it does and wants
+        to, m/s. On its way from one to the other it is on no side faster than in one of them."""
+        ahead, left = self.drift_measured()
+        drift, speed = hypot(ahead, left), hypot(wanted, side)
+        ways = []
+        if drift > (self.RESTING or STANDSTILL):
+            ways.append((atan2(left, ahead), drift, 0.0))
+        if speed:
+            already = (ahead * wanted + left * side) / speed
+            already = self.model.limits.speed if isnan(already) else max(already, 0.0)
+            ways.append((atan2(side, wanted), already, speed))
+        return ways
+
+    def _what_is_ahead(
+        self, pose: tuple[float, float, float], turn: float, way: float, going: float, wanted: float
+    ) -> str:
+        """What is too near that way, see `_ways`; "" for nothing."""
+        x, y, heading = pose
+        ahead = (x, y, heading + way), going, wanted, turn, LAG, lambda a, b: self.nearest(way + a, way + b)
         if self.model.limits.may_go_on(*ahead):
             return ""
         if not replace(self.model.limits, fence=None).may_go_on(*ahead):
@@ -481,6 +551,15 @@ class BridgedBody(ABC):
             self._lose(why)
         else:
             self._miss(why)
+
+
+def approached(before: tuple[float, ...], wanted: tuple[float, ...], step: float) -> tuple[float, ...]:
+    """The vector `wanted`, or what lies `step` on the way from `before` to it, if it is farther away."""
+    changes = [end - begin for begin, end in zip(before, wanted, strict=True)]
+    far = hypot(*changes)
+    if far > step:
+        changes = [change / far * step for change in changes]
+    return tuple(begin + change for begin, change in zip(before, changes, strict=True))
 
 
 def clamped(value: float, most: float) -> float:

@@ -1,8 +1,8 @@
 """What every robot promises, whatever its body is made of: derive from `RobotContract` and give it a `rig`.
 
 Bodies behind a bridge promise more: derive from `BridgeContract`, whose rig lets time pass for body and robot alike
-(`BridgeRig`), so that no test waits. `pytest.register_assert_rewrite("sleepcast.testing.robot_contract")` in a
-conftest.py makes failures say what differed.
+(`BridgeRig`), so that no test waits; bodies that hover from `HoverContract`.
+`pytest.register_assert_rewrite("sleepcast.testing.robot_contract")` in a conftest.py makes failures say what differed.
 """
 
 from __future__ import annotations
@@ -283,3 +283,83 @@ class BridgeContract(RobotContract):
                 return
             rig.wait(1.0)
         raise AssertionError(f"this has not come true in {4.0 * LATEST} s")
+
+
+class HoverContract(BridgeContract):
+    """The tests for a body that hovers, whose `rig` has it in the air, away from floor and ceiling. It measures its
+    `height` and `climb_rate`, too, and `drift_measured` says how it goes to its side."""
+
+    def test_it_has_the_actuators_of_all_that_hover(self, rig: BridgeRig) -> None:
+        names = [actuator.name for actuator in rig.body.model.actuators]
+        assert names == ["drive_speed", "drive_turn", "drive_side", "drive_climb"]
+        limits = rig.body.model.limits
+        assert isfinite(limits.climb + limits.floor + limits.ceiling)
+
+    def test_it_goes_and_climbs_in_any_direction_at_once(self, rig: BridgeRig) -> None:
+        limits = rig.body.model.limits
+        speed, climb = limits.speed / 2.0, limits.climb / 2.0
+        rig.body.act(Setpoint(speed, 0.0, side=-speed))
+        rig.body.act(Setpoint(climb=climb))
+        rig.wait(rig.time_to_full_speed())
+        ahead, left = rig.body.drift_measured()
+        assert isclose(ahead, speed, rel_tol=0.1)
+        assert isclose(left, -speed, rel_tol=0.1)
+        assert isclose(rig.sensed()["climb_rate"], climb, rel_tol=0.1)
+
+    def test_its_speed_is_limited_in_whatever_direction(self, rig: BridgeRig) -> None:
+        limits, before = rig.body.model.limits, (0.0, 0.0, 0.0)
+        for sign in (1.0, -1.0):
+            rig.body.act(Setpoint(sign * 100 * limits.speed, 0.0, 100 * limits.speed, sign * 100 * limits.climb))
+            for _ in range(10):
+                rig.wait(0.2)
+                now = (*rig.body.drift_measured(), rig.sensed()["climb_rate"])
+                assert hypot(*now[:2]) <= limits.speed * 1.001 + 2.0 * rig.resolution
+                assert abs(now[2]) <= limits.climb * 1.001 + rig.resolution
+                change = hypot(*(b - a for a, b in zip(before, now, strict=True)))
+                assert change <= limits.acceleration * 0.2 * 1.001 + 3.0 * rig.resolution
+                before = now
+
+    def test_it_comes_to_rest_before_its_floor_and_its_ceiling(self, rig: BridgeRig) -> None:
+        start = rig.sensed()["height"]
+        room = 0.5 * min(start, rig.body.model.limits.climb**2 / rig.body.model.limits.acceleration + 1.0)
+        rig.body.narrow(Limits(inf, inf, inf, floor=start - room, ceiling=start + room))
+        for climb, end in ((inf, start + room), (-inf, start - room)):
+            rig.body.act(Setpoint(climb=climb))
+            for _ in range(50):
+                rig.wait(0.2)
+                assert start - room - rig.resolution <= rig.sensed()["height"] <= start + room + rig.resolution
+            assert isclose(rig.sensed()["height"], end, abs_tol=0.1 * room), "it does go there"
+
+    def test_a_fence_holds_to_its_sides(self, rig: BridgeRig) -> None:
+        start, limits = rig.sensed(), rig.body.model.limits
+        way = 2.0 * limits.speed + limits.speed**2 / limits.acceleration
+        left, bottom, right, top = (start["x"] - way, start["y"] - way, start["x"] + way, start["y"] + way)
+        rig.body.narrow(Limits(inf, inf, inf, fence=(left, bottom, right, top)))
+        farthest = 0.0
+        for speed, turn, side in ((0.0, 0.0, 1.0), (-1.0, 0.0, -1.0), (0.3, 1.0, -1.0), (1.0, 0.0, 1.0)):
+            for _ in range(40):
+                rig.body.act(Setpoint(speed * limits.speed, turn * limits.turn_rate, side * limits.speed))
+                rig.wait(0.2)
+                sensed = rig.sensed()
+                assert left <= sensed["x"] <= right
+                assert bottom <= sensed["y"] <= top
+                farthest = max(farthest, hypot(sensed["x"] - start["x"], sensed["y"] - start["y"]))
+        assert farthest > way / 3.0, "it does go there"
+
+    def test_what_ends_its_motion_ends_it_in_all_directions(self, rig: BridgeRig) -> None:
+        """STOP, a hold, and a mind that is gone: it hovers where it is."""
+        limits, body = rig.body.model.limits, rig.body
+        stop, hold, look_away = body.stop, partial(body.hold, True), partial(rig.look_away, UNATTENDED + 0.2)
+        for end, begin_anew in ((stop, body.release), (hold, partial(body.hold, False)), (look_away, list)):
+            rig.prepare()
+            body.act(Setpoint(0.0, 0.0, limits.speed / 2.0, limits.climb / 2.0))
+            rig.wait(rig.time_to_full_speed() / 2.0)
+            assert body.drift_measured()[1] > 0.0 < rig.sensed()["climb_rate"]
+            end()
+            rig.wait(rig.time_to_full_speed())
+            height = rig.sensed()["height"]
+            rig.wait(1.0)
+            assert hypot(*body.drift_measured()) <= rig.resolution
+            assert isclose(rig.sensed()["height"], height, abs_tol=rig.resolution)
+            body.act(Setpoint(0.0, 0.0, 0.0, 0.0))
+            begin_anew()

@@ -92,13 +92,13 @@ class CflibQuadcopter:
         if self._why:
             raise OutOfReachError(self._why)
 
-    def hover(self, speed: float, turn_rate: float, height: float) -> None:
+    def hover(self, speed: float, side: float, turn_rate: float, height: float) -> None:
         self._check()
-        self._copter.commander.send_hover_setpoint(speed, 0.0, degrees(turn_rate), height)
+        self._copter.commander.send_hover_setpoint(speed, side, degrees(turn_rate), height)
 
-    def arm(self) -> None:
+    def arm(self, armed: bool) -> None:
         self._check()
-        self._copter.supervisor.send_arming_request(True)
+        self._copter.supervisor.send_arming_request(armed)
 
     def stop_motors(self) -> None:
         self._check()

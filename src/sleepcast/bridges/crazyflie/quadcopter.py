@@ -4,10 +4,14 @@
     crazyflie://usb0                             the first one on USB
     crazyflie://127.0.0.1:19850                  a simulated one over UDP, or one of a shared radio (see `crazyradio`)
 
-Speeds go along its heading, at the height to which it took off. Rest means hovering on the spot: nobody lets it fall by
-saying no more, and what it has begun, to climb or to land, it ends. STOP keeps it at the height where it is. It lands
-when it is told to, or when its mind has been gone for `LANDS_AFTER`. If this process dies, the quadcopter hears no
-setpoints any more, and its own watchdog stops the motors after two seconds.
+Speeds go along its heading and to its side, at the height to which it took off or has climbed. Rest means hovering on
+the spot: nobody lets it fall by saying no more, and what it has begun, to rise or to land, it ends. STOP keeps it at
+the height where it is. It lands when it is told to, or when its mind has been gone for `LANDS_AFTER`. If this process
+dies, the quadcopter hears no setpoints any more, and its own watchdog stops the motors after two seconds.
+
+It is sent nothing but speeds and a height, twenty times a second, on its way to a place, too: the firmware would fly
+there by itself as well, but then its watchdog would not wait for us. It knows one height, its own estimate: `z` and
+`height` are the same.
 """
 
 from __future__ import annotations
@@ -15,29 +19,30 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
-from math import cos, hypot, inf, isfinite, nan, pi, radians, remainder, sin
+from math import atan2, cos, hypot, isfinite, isnan, nan, pi, radians, remainder, sin
 from typing import Protocol
 
-from sleepcast.bridges import Opening
+from sleepcast.bridges import Opening, hovering
 from sleepcast.bridges.address import BodyError, read_body_address
-from sleepcast.bridges.body import FRESH, REST, BridgedBody, Motion, OutOfReachError, clamped
+from sleepcast.bridges.body import FRESH, LAG, REST, BridgedBody, Motion, OutOfReachError, clamped
 from sleepcast.bridges.crazyflie.radio import RATES, is_radio_address, radio_uri, stop_all_by_port, stop_all_by_radio
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
-from sleepcast.core.model import HostFunction, Quantity
-from sleepcast.core.units import LENGTH
+from sleepcast.core.model import HostFunction
 from sleepcast.robot import Geometry, Limits, Reading, RobotModel
 
 EXAMPLE = "crazyflie://radio0:80#E7E7E7E7E7"
-SETTINGS = {"rate": "2M", "height": "0.5", "speed": "0.5", "turn_rate": "1.5", "broadcast": ""}
-"""What can be set of it in its URI, and what holds otherwise: of the radio, m, m/s, rad/s, and the UDP port of a shared
-radio that takes the emergency stop for all."""
+SETTINGS = {"rate": "2M", "height": "0.5", "ceiling": "3", "speed": "0.5", "turn_rate": "1.5", "broadcast": ""}
+"""What can be set of it in its URI, and what holds otherwise: of the radio, m, m, m/s, rad/s, and the UDP port of a
+shared radio that takes the emergency stop for all."""
 HIGHEST = 3.0
 """m above the ground to which it may be sent: indoors there is a ceiling."""
 CLIMB, DESCENT = 0.5, 0.3
-"""m/s up and down."""
+"""m/s up and down, and down in a landing."""
 LANDED = 0.05
 """m above the ground at which the motors are stopped."""
+LOWEST = 0.1
+"""m above the ground, below which it only takes off and lands."""
 LANDS_AFTER = 10.0
 """Seconds without a look from the mind after which a flying body lands, where it is."""
 RADIUS = 0.07
@@ -50,16 +55,21 @@ LOGGED = {
     "stateEstimate.z": "m",
     "stateEstimate.vx": "m/s",
     "stateEstimate.vy": "m/s",
+    "stateEstimate.vz": "m/s",
     "stateEstimate.yaw": "degrees counter-clockwise",
     "gyro.z": "degrees/s",
     "pm.batteryLevel": "%",
     "supervisor.info": "bits",
 }
 """Variables that the firmware sends, with their units."""
-FLIES, LOCKED = 1 << 4, 1 << 6
-"""Bits of `supervisor.info`, as the firmware's supervisor.c has them: it flies; its motors stand until it is started
-anew, after an emergency stop, a crash, or two seconds without a setpoint in the air."""
+ARMED, FLIES, LOCKED = 1 << 1, 1 << 4, 1 << 6
+"""Bits of `supervisor.info`, as the firmware's supervisor.c has them: it is armed; it flies; its motors stand until it
+is started anew, after an emergency stop, a crash, or two seconds without a setpoint in the air."""
+GROUNDED = "the Crazyflie stands on the ground: send (TAKEOFF) before it is driven"
 LOCK = "its motors are locked, by an emergency stop, a crash or a lost link: switch it off and on before it flies again"
+STEERS_BY = 2.0 * LAG
+"""Seconds of its way to a place that are left when it begins to brake: more than the limits want, so that none of them
+ever stops it on the way to a place that they allow."""
 STARTS = 2.0
 """Seconds after which a take-off without turning motors has failed."""
 
@@ -67,12 +77,12 @@ STARTS = 2.0
 class Quadcopter(Protocol):
     """The way to one; every method may raise OutOfReachError."""
 
-    def hover(self, speed: float, turn_rate: float, height: float) -> None:
-        """Fly at this height (m) with this speed ahead (m/s) and turn rate (rad/s, counter-clockwise); it is forgotten
-        within half a second."""
+    def hover(self, speed: float, side: float, turn_rate: float, height: float) -> None:
+        """Fly at this height (m) with these speeds ahead and to its left (m/s) and this turn rate (rad/s,
+        counter-clockwise); it is forgotten within half a second."""
 
-    def arm(self) -> None:
-        """Let the motors run when they are asked to."""
+    def arm(self, armed: bool) -> None:
+        """Let the motors run when they are asked to, or not; in the air the second makes it fall."""
 
     def stop_motors(self) -> None:
         """Stop the motors until the next `hover`."""
@@ -91,7 +101,7 @@ class Quadcopter(Protocol):
 
 
 class CrazyflieBody(BridgedBody):
-    """See the module.
+    """See the module. Its motion besides "speeds" and "climb" is "goto" (x, y; m).
 
     open: reaches the quadcopter, or raises OutOfReachError.
     height: of its flight, m, unless TAKEOFF says another one.
@@ -138,24 +148,35 @@ class CrazyflieBody(BridgedBody):
             self._wanted = self._height
         elif asked is not None and not self._held:
             if asked and not self._height:
-                self._copter.arm()
+                self._copter.arm(True)
             self._wanted = asked
         if now - self._attended > LANDS_AFTER:
             self._wanted = 0.0
         if not self._height and not self._wanted:
             self._stay_grounded(motion)
             return
-        self._height += clamped(self._wanted - self._height, (CLIMB if self._wanted else DESCENT) * passed)
+        driven = motion.values if motion.sort == "speeds" and self._wanted else (0.0,) * 4
+        speed, turn_rate, side, climb = driven
+        self._rise(climb, passed)
         if not self._wanted and self._height < LANDED:
             self._height = 0.0
             self._copter.stop_motors()
             return
-        speed, turn_rate = motion.values if motion.sort == "speeds" and self._wanted else (0.0, 0.0)
-        self._copter.hover(speed, turn_rate, self._height)
+        self._copter.hover(speed, side, turn_rate, self._height)
+
+    def _rise(self, climb: float, seconds: float) -> None:
+        """Change its height for so many seconds: at this rate (m/s) if it is driven up or down, else towards where it
+        is to come to."""
+        if climb:
+            limits = self.model.limits
+            higher, lowest = self._height + climb * seconds, min(limits.floor, self._height)
+            self._height = self._wanted = min(max(higher, lowest), max(limits.ceiling, self._height))
+        else:
+            self._height += clamped(self._wanted - self._height, (CLIMB if self._wanted else DESCENT) * seconds)
 
     def _stay_grounded(self, motion: Motion) -> None:
         if motion.sort == "speeds" and self._grounded is None:
-            self.complain("the Crazyflie stands on the ground: send (TAKEOFF) before it is driven")
+            self.complain(GROUNDED)
         self._grounded = motion if motion.sort == "speeds" else None
 
     def measure(self) -> None:
@@ -187,26 +208,28 @@ class CrazyflieBody(BridgedBody):
         self.complain(why)
 
     def reading(self) -> Reading:
-        x, y, z, along_x, along_y, yaw, turning, charge, info = (self._values.get(name, nan) for name in LOGGED)
-        heading = remainder(radians(yaw), 2.0 * pi) if isfinite(yaw) else nan
-        speed = along_x * cos(heading) + along_y * sin(heading)
-        most = 2.0 * self.model.limits.speed
-        values = (x, y, z, heading, clamped(speed, most) if isfinite(speed) else nan)
-        return Reading(
-            self._time,
-            (
-                *values,
-                clamped(radians(turning), 10.0),
-                charge / 100.0,
-                float(self._has(FLIES)) if isfinite(info) else nan,
-            ),
-        )
+        x, y, z, _, _, climb, _, turning, charge, info = (self._values.get(name, nan) for name in LOGGED)
+        armed, flies = (float(self._has(bit)) if isfinite(info) else nan for bit in (ARMED, FLIES))
+        speed, _ = self.drift_measured()
+        place, pace = (x, y, z, self._heading()), (speed, radians(turning), z, climb)
+        pairs = zip((*place, *pace, armed, flies, charge / 100.0), self.model.sensors, strict=True)
+        return Reading(self._time, tuple(min(max(value, of.low), of.high) for value, of in pairs))
+
+    def _heading(self) -> float:
+        yaw = self._values.get("stateEstimate.yaw", nan)
+        return remainder(radians(yaw), 2.0 * pi) if isfinite(yaw) else nan
+
+    def drift_measured(self) -> tuple[float, float]:
+        along_x, along_y = (self._values.get(f"stateEstimate.v{axis}", nan) for axis in "xy")
+        heading = self._heading()
+        ahead, left = cos(heading), sin(heading)
+        return along_x * ahead + along_y * left, along_y * ahead - along_x * left
 
     def course_measured(self) -> tuple[float, float]:
         if self.stale or len(self._values) < len(LOGGED):
             return nan, nan
-        _, _, _, along_x, along_y, _, turning, _, _ = (self._values[name] for name in LOGGED)
-        return hypot(along_x, along_y), radians(turning)
+        speed = hypot(*(self._values[f"stateEstimate.v{axis}"] for axis in "xyz"))
+        return speed, radians(self._values["gyro.z"])
 
     def seek(self) -> None:
         self._copter.close()
@@ -233,20 +256,61 @@ class CrazyflieBody(BridgedBody):
     def course(self, motion: Motion) -> tuple[float, float] | None:
         return super().course(motion) if self._height else None
 
-    # ---- what expressions may ask
+    def steered(self, motion: Motion) -> Motion:
+        """On its way to a place: straight there, no faster than it can come to rest."""
+        if motion.sort != "goto":
+            return super().steered(motion)
+        known, (x, y) = self._sensed(), motion.values
+        heading = known.get("heading", nan)
+        east, north = x - known.get("x", nan), y - known.get("y", nan)
+        if isnan(heading + east + north):
+            return REST
+        limits, way = self.model.limits, atan2(north, east) - heading
+        speed = min(limits.speed, limits.speed_before(hypot(east, north), STEERS_BY))
+        return Motion("speeds", (speed * cos(way), 0.0, speed * sin(way), 0.0))
+
+    # ---- what expressions may ask; see Hovering
+
+    def arm(self) -> float:
+        """A take-off arms it, and nothing else."""
+        self.check_free()
+        return 1.0
+
+    def disarm(self) -> None:
+        if self._is_up():
+            raise MisuseError("it is in the air, where (DISARM) would make it fall: (LAND) first, or (MOTORS-OFF)")
+        self.send(self._disarm_on_ground)
+
+    def _disarm_on_ground(self) -> None:
+        if not self._is_up():  # it may have been told to take off since
+            self._copter.arm(False)
+
+    def _is_up(self) -> bool:
+        return bool(self._has(FLIES) or self._height or self._wanted or self._asked)
 
     def take_off(self, height: float = nan) -> None:
-        """Fly at this height, m."""
-        wanted = self._usual if height != height else height
-        if not LANDED < wanted <= HIGHEST:
-            raise MisuseError(f"a Crazyflie flies above {LANDED:g} and up to {HIGHEST:g} m, not at {wanted:g} m")
+        wanted = self._usual if isnan(height) else height
+        hovering.check_height(self.model.limits, wanted)
         if self._has(LOCKED):
             raise MisuseError(LOCK)
         self._ask_for(wanted)
 
     def touch_down(self) -> None:
-        """Land where it is."""
         self._ask_for(0.0)
+
+    def go_to(self, x: float, y: float, z: float = nan) -> None:
+        limits = self.model.limits
+        hovering.check_place(limits, x, y)
+        if not isnan(z):
+            hovering.check_height(limits, z)
+        if not self._is_up():
+            raise MisuseError(GROUNDED)
+        if isnan(z) and not (self._wanted or self._asked):
+            raise MisuseError("it is landing: say at which height it is to go there")
+        self.move(Motion("goto", (x, y)))
+        with self._lock:
+            if not (self._stopped or isnan(z)):
+                self._asked = z
 
     def _ask_for(self, height: float) -> None:
         """What moves it already ends; what the same tick asks for after this does not take its place."""
@@ -269,15 +333,7 @@ class CrazyflieBody(BridgedBody):
 
 
 FUNCTIONS = (
-    HostFunction(
-        "TAKEOFF",
-        CrazyflieBody.take_off,
-        (LENGTH,),
-        least=0,
-        arguments="height",
-        doc="Flies at this height; without one, at that of its address.",
-    ),
-    HostFunction("LAND", CrazyflieBody.touch_down, doc="Lands where it is."),
+    *hovering.functions(CrazyflieBody),
     HostFunction(
         "MOTORS-OFF",
         CrazyflieBody.cut_motors,
@@ -297,26 +353,8 @@ FUNCTIONS = (
 
 def model_of(limits: Limits) -> RobotModel:
     """What all Crazyflies with these limits have in common."""
-    speed, turn = limits.speed, limits.turn_rate
     return RobotModel(
-        "crazyflie",
-        (
-            Quantity("x", "m", -inf, inf, FRESH, "where it believes to be, along x"),
-            Quantity("y", "m", -inf, inf, FRESH, "where it believes to be, along y"),
-            Quantity("z", "m", -inf, inf, FRESH, "its height"),
-            Quantity("heading", "rad", -pi, pi, FRESH, "where it looks, counter-clockwise from x", "deg"),
-            Quantity("speed", "m/s", -2.0 * speed, 2.0 * speed, FRESH, "along its heading"),
-            Quantity("turn_rate", "rad/s", -10.0, 10.0, FRESH, "how fast it turns", "deg/s"),
-            Quantity("battery", "", 0.0, 1.0, FRESH, "what is left in its battery", "%"),
-            Quantity("flying", "", 0.0, 1.0, FRESH, "whether it flies"),
-        ),
-        (
-            Quantity("drive_speed", "m/s", -speed, speed, doc="flies ahead at this speed"),
-            Quantity("drive_turn", "rad/s", -turn, turn, doc="turns at this rate", shown_as="deg/s"),
-        ),
-        FUNCTIONS,
-        limits,
-        Geometry(RADIUS),
+        "crazyflie", hovering.sensors(limits), hovering.actuators(limits), FUNCTIONS, limits, Geometry(RADIUS)
     )
 
 
@@ -345,7 +383,9 @@ def open_body(uri: str, opening: Opening) -> CrazyflieBody:
         if not (uri_of_cflib.startswith("udp") and is_number and 0 < int(broadcast) < 65_536):
             raise BodyError(f"{uri!r:.100}: broadcast is a UDP port of the same host, of a radio that is shared there")
         stop_all = partial(stop_all_by_port, host, int(broadcast))
-    height = address.number("height", LANDED, HIGHEST, "m")
-    limits = Limits(address.number("speed", unit="m/s"), address.number("turn_rate", unit="rad/s"), ACCELERATION)
+    ceiling = address.number("ceiling", LOWEST, HIGHEST, "m")
+    height = address.number("height", LOWEST, ceiling, "m")
+    speed, turn = address.number("speed", unit="m/s"), address.number("turn_rate", unit="rad/s")
+    limits = Limits(speed, turn, ACCELERATION, climb=CLIMB, floor=LOWEST, ceiling=ceiling)
     model = model_of(limits.within(opening.limits))
     return CrazyflieBody(lambda: CflibQuadcopter(uri_of_cflib, LOGGED), model, height, stop_all=stop_all)

@@ -1,8 +1,8 @@
 """Vehicles that speak MAVLink 2 (rovers, boats and copters with ArduPilot) as bodies: `mavlink://HOST:PORT#SYSTEM`.
 
-The vehicle flies itself; a mind gives it setpoints while it is in the mode GUIDED: velocities along its heading, or
-places. Positions come by GPS, and are metres around an origin. `body` has what this shares with other bridges, watchdog
-and limits among them.
+The vehicle flies itself; a mind gives it setpoints while it is in the mode GUIDED: velocities, or places. Positions
+come by GPS, and are metres around an origin; heights count from where the vehicle started. `body` has what this shares
+with other bridges, watchdog and limits among them, and `hovering` what copters share with others that hover.
 
 A mode, and arming, come before what moves it: `orders` has them answered one after the other, and setpoints wait for
 that. What it does not follow then, because it is in another mode or not armed, is forgotten and told.
@@ -20,13 +20,14 @@ from __future__ import annotations
 import time
 from contextlib import suppress
 from functools import partial
-from math import cos, hypot, inf, isfinite, nan, pi, remainder, sin
+from math import cos, hypot, inf, isfinite, isnan, nan, pi, remainder, sin
 from typing import Any
 
-from sleepcast.bridges import Opening
+from sleepcast.bridges import Opening, hovering
 from sleepcast.bridges.address import BodyError, read_body_address
-from sleepcast.bridges.body import FRESH, PATIENCE, REST, BridgedBody, FencedError, Motion, OutOfReachError, clamped
+from sleepcast.bridges.body import FRESH, PATIENCE, REST, BridgedBody, Motion, OutOfReachError
 from sleepcast.bridges.mavlink.link import LINK, MavlinkConnection, open_link, system_of
+from sleepcast.bridges.mavlink.model import GUIDED, LAND, MODES, ROVER, model_of
 from sleepcast.bridges.mavlink.orders import (
     ARM_DISARM,
     ASKED,
@@ -44,9 +45,7 @@ from sleepcast.bridges.mavlink.orders import (
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, printable
 from sleepcast.core.geodesy import LocalMap, Origin
-from sleepcast.core.model import HostFunction, Quantity
-from sleepcast.core.units import LENGTH, SPEED
-from sleepcast.robot import BodyConstant, Geometry, Limits, Reading, RobotModel
+from sleepcast.robot import Limits, Reading
 
 EXAMPLE = "mavlink://0.0.0.0:14550?listen=yes&key=vehicle.key#1"
 PORT = 14_550
@@ -58,8 +57,15 @@ SETTINGS = {
     "turn_rate": "1",
     "acceleration": "2",
     "ceiling": "30",
+    "floor": "0.5",
+    "height": "",
+    "altitude": "",
 }
-"""What can be set in a URI, and what holds otherwise. Speeds in m/s and rad/s; ceiling: m above where it started."""
+"""What can be set in a URI, and what holds otherwise. Speeds in m/s and rad/s; ceiling, floor, and the height of a
+take-off (`USUAL`, or the ceiling if that is lower): m above where it started; altitude of z = 0: m above the sea."""
+USUAL = 5.0
+LOWEST = -1e4
+"""m: floors and altitudes may lie below 0."""
 GCS_SYSTEM_ID, GCS_COMPONENT_ID = 255, 190
 """How we call ourselves: the usual numbers of a ground station."""
 SILENT = 2.0
@@ -81,108 +87,33 @@ MAX_SENTENCES = 100
 """Whose times are remembered: a vehicle may say anything."""
 HIGHEST_CLIMB = 1.0
 """m/s."""
-FARTHEST = 1e5
-"""m from the origin: farther away, no vehicle is meant to be."""
 
-GUIDED, AUTOPILOT = "GUIDED", 3
-COPTER = {"STABILIZE": 0, "ALT_HOLD": 2, "AUTO": 3, GUIDED: 4, "LOITER": 5, "RTL": 6, "LAND": 9, "BRAKE": 17}
-ROVER = {"MANUAL": 0, "HOLD": 4, "LOITER": 5, "AUTO": 10, "RTL": 11, GUIDED: 15}
-"""Numbers of ArduPilot's modes."""
-MODES = {**dict.fromkeys((2, 3, 4, 13, 14, 15, 29, 35), COPTER), **dict.fromkeys((10, 11), ROVER)}
-"""Of each type of vehicle that MAVLink has a number for, and that is known here."""
+AUTOPILOT = 3
+"""ArduPilot."""
 FAILSAFES = ("loiter", "rtl", "land")
 
 RATES = {33: 10.0, 30: 10.0, 1: 1.0, 24: 1.0}
 """Messages that we need, by number (GLOBAL_POSITION_INT, ATTITUDE, SYS_STATUS, GPS_RAW_INT), and how often, 1/s."""
+LANDED_STATE = {245: 4.0}
+"""The same of what can fly (EXTENDED_SYS_STATE)."""
+FLYING = {1: 0.0, 2: 1.0, 3: 1.0, 4: 1.0}
+"""Of each landed state: on the ground; in the air, taking off, landing."""
 BODY_FRAME, EARTH_FRAME = 8, 6
 VELOCITIES, PLACE = 0x5C7, 0xDF8
 """What a setpoint does not say: all but velocity and yaw rate, all but the place."""
 
 
-def sensors(limits: Limits) -> tuple[Quantity, ...]:
-    """In the order of a reading. The vehicle may be moved by others, and faster."""
-    speed, turn = 10.0 * limits.speed, 10.0 * limits.turn_rate
-    return (
-        Quantity("x", "m", -FARTHEST, FARTHEST, FRESH, "to the east of the origin"),
-        Quantity("y", "m", -FARTHEST, FARTHEST, FRESH, "to the north of the origin"),
-        Quantity("heading", "rad", -pi, pi, FRESH, "counter-clockwise from east", "deg"),
-        Quantity("speed", "m/s", -speed, speed, FRESH, "along its heading"),
-        Quantity("turn_rate", "rad/s", -turn, turn, FRESH, "counter-clockwise", "deg/s"),
-        Quantity("height", "m", -FARTHEST, FARTHEST, FRESH, "above where it started"),
-        Quantity("climb_rate", "m/s", -100.0, 100.0, FRESH, "upwards"),
-        Quantity("armed", "", 0.0, 1.0, FRESH, "whether its motors may turn"),
-        Quantity("mode", "", 0.0, 255.0, FRESH, "number of its mode: GUIDED, LOITER, RTL"),
-        Quantity("battery", "", 0.0, 1.0, 5.0, "1 is full", "%"),
-        Quantity("volts", "", 0.0, 100.0, 5.0, "of its battery"),
-        Quantity("gps_fix", "", 0.0, 8.0, 5.0, "3 and more: it knows where it is"),
-        Quantity("satellites", "", 0.0, 254.0, 5.0, "that its GPS sees"),
-    )
-
-
-def functions(modes: dict[str, int]) -> tuple[HostFunction, ...]:
-    """Of vehicles with these modes."""
-    common = (
-        HostFunction("ARM", MavlinkVehicle.arm, doc="Lets its motors turn."),
-        HostFunction("DISARM", MavlinkVehicle.disarm, doc="Switches its motors off, if it stands on the ground."),
-        HostFunction(
-            "SET_MODE",
-            MavlinkVehicle.set_mode,
-            (None,),
-            arguments="mode",
-            doc="Changes its mode, for instance (SET_MODE GUIDED), in which it does what it is told.",
-        ),
-        HostFunction(
-            "GOTO",
-            MavlinkVehicle.go_to,
-            (LENGTH, LENGTH, LENGTH),
-            least=2,
-            arguments="x y height",
-            doc="Goes to a place, at this height if it flies.",
-        ),
-    )
-    if modes is ROVER:
-        return common
-    return (
-        *common,
-        HostFunction(
-            "TAKEOFF", MavlinkVehicle.take_off, (LENGTH,), arguments="height", doc="Takes off to this height."
-        ),
-        HostFunction(
-            "CLIMB",
-            MavlinkVehicle.climb,
-            (SPEED,),
-            arguments="speed",
-            doc="Climbs at this speed, or sinks, in one place until it is told something else.",
-        ),
-    )
-
-
-def model_of(modes: dict[str, int], limits: Limits) -> RobotModel:
-    speed, turn = limits.speed, limits.turn_rate
-    return RobotModel(
-        "rover" if modes is ROVER else "copter",
-        sensors(limits),
-        (
-            Quantity("drive_speed", "m/s", -speed, speed, doc="goes at this speed along its heading"),
-            Quantity("drive_turn", "rad/s", -turn, turn, doc="turns at this rate", shown_as="deg/s"),
-        ),
-        functions(modes),
-        limits,
-        Geometry(0.5),
-        tuple(BodyConstant(name, float(number), doc="a mode") for name, number in modes.items()),
-    )
-
-
 class MavlinkVehicle(BridgedBody):
-    """See the module. Its motions besides "speeds" are "goto" (x, y, height; m), "takeoff" (height; m), "climb" (m/s),
-    and "mode" (its number), which only its failsafe is.
+    """See the module. Its motions besides "speeds" and "climb" are "goto" (x, y, height; m), "takeoff" (height; m), and
+    "mode" (its number), which only its failsafe is.
 
     link: to the vehicle.
     system: its number.
     modes: its own.
     failsafe: the name of one of them.
     origin: of x and y; None for the first place at which it is.
-    ceiling: m above where it started.
+    altitude: of z = 0, m above the sea; NaN for where it started.
+    height: of a take-off that says none, m.
     """
 
     RESTING = 0.3
@@ -197,11 +128,13 @@ class MavlinkVehicle(BridgedBody):
         *,
         failsafe: str = "LOITER",
         origin: Origin | None = None,
-        ceiling: float = 30.0,
+        altitude: float = nan,
+        height: float = USUAL,
         clock: Clock | None = None,
     ) -> None:
-        super().__init__(model_of(modes, limits), clock=clock)
-        self._link, self._system, self._modes, self._ceiling = link, system, modes, ceiling
+        super().__init__(model_of(modes, limits, MavlinkVehicle), clock=clock)
+        self._link, self._system, self._modes = link, system, modes
+        self._altitude, self._usual = altitude, height
         self._names = {number: name for name, number in modes.items()}
         self._standing = modes["HOLD" if modes is ROVER else "LOITER"]
         self.failsafe = Motion("mode", (modes[failsafe],))
@@ -233,11 +166,10 @@ class MavlinkVehicle(BridgedBody):
         """The motion when this tick began."""
         self._unfollowed: Motion | None = None
         """What it does not follow."""
-        self._place = (nan,) * 4  # x, y, heading, height
-        self._pace = (nan,) * 3  # speed, turn rate, climb rate
-        self._ground_speed = nan
-        """m/s, in whatever direction."""
-        self._state = (nan,) * 4  # battery, volts, GPS fix, satellites
+        self._values: dict[str, float] = {}
+        """What it measures, of its sensors: what has not come yet is missing."""
+        self._drift, self._ground_speed = (nan, nan), nan
+        """Its speeds along its heading and to its left, and in whatever direction, m/s."""
         self._orders = Orders(self._send_command)
         self._begun: Motion | None = None
         self._ask_for_messages()
@@ -250,16 +182,18 @@ class MavlinkVehicle(BridgedBody):
 
     def reading(self) -> Reading:
         armed, mode = (float(self._armed), float(self._mode)) if self._mode >= 0 else (nan, nan)
-        x, y, heading, height = self._place
-        speed, turn, climb = self._pace
-        values = (x, y, heading, speed, turn, height, climb, armed, mode, *self._state)
-        pairs = zip(values, self.model.sensors, strict=True)
+        known = {**self._values, "armed": armed, "mode": mode}
+        pairs = [(known.get(sensor.name, nan), sensor) for sensor in self.model.sensors]
         return Reading(max(self._fixed, 0.0), tuple(v if s.low <= v <= s.high else nan for v, s in pairs))
 
     def course_measured(self) -> tuple[float, float]:
         if self.stale:
             return nan, nan
-        return hypot(self._ground_speed, self._pace[2]), self._pace[1]
+        climb, turn = (self._values.get(name, nan) for name in ("climb_rate", "turn_rate"))
+        return hypot(self._ground_speed, climb), turn
+
+    def drift_measured(self) -> tuple[float, float]:
+        return self._drift
 
     def sense(self) -> Reading:
         with self._lock:
@@ -397,14 +331,14 @@ class MavlinkVehicle(BridgedBody):
     # ---- what expressions may ask
 
     def arm(self) -> None:
-        self._check_free()
+        self.check_free()
         self.send(partial(self._ask_to_arm, self._tick))
 
     def disarm(self) -> None:
         self.send(self._ask_to_disarm)
 
     def set_mode(self, mode: float) -> None:
-        self._check_free()
+        self.check_free()
         if mode not in self._names:
             raise MisuseError(f"there is no mode {mode:g} here; there are {', '.join(self._modes)}")
         self.send(partial(self._ask_for_mode, int(mode), self._tick))
@@ -412,22 +346,39 @@ class MavlinkVehicle(BridgedBody):
             if mode != self._mode and self._motion is self._before:  # what this tick asks for comes after the mode
                 self._motion = REST
 
-    def go_to(self, x: float, y: float, height: float = nan) -> None:
-        fence = self.model.limits.fence
-        if fence is not None and not (fence[0] <= x <= fence[2] and fence[1] <= y <= fence[3]):
-            raise FencedError(f"({x:g}, {y:g}) m lies outside of the fence")
+    def go_to(self, x: float, y: float, z: float = nan) -> None:
+        hovering.check_place(self.model.limits, x, y)
         if self._map is None:
             raise MisuseError("the vehicle has not said yet where it is")
-        if not hypot(x, y) <= FARTHEST:
-            raise MisuseError(f"({x:g}, {y:g}) m is farther than {FARTHEST:g} m from the origin")
-        self.move(Motion("goto", (x, y, clamped(height, self._ceiling) if isfinite(height) else self._place[3])))
+        height = self._values.get("height", nan)
+        if isfinite(z) and self.model.hovers:
+            height += z - self._values.get("z", nan)
+            hovering.check_height(self.model.limits, height)
+        self.move(Motion("goto", (x, y, height)))
 
-    def take_off(self, height: float) -> None:
-        self._check_free()
-        self.move(Motion("takeoff", (min(max(height, 0.0), self._ceiling),)))
+    def take_off(self, height: float = nan) -> None:
+        """In the mode of somebody else it is in the hands of its pilot, who would lose it by this."""
+        wanted = self._usual if isnan(height) else height
+        hovering.check_height(self.model.limits, wanted)
+        if self._armed and not self._is_ours():
+            raise MisuseError(f"somebody else has put it into {self._mode_name()}: (SET_MODE GUIDED) takes it from him")
+        if self._stopped:
+            return
+        self.send(partial(self._make_ready, self._tick))
+        known = self._sensed()
+        if known.get("flying") == 1.0:  # where it is, since a vehicle that flies takes off no more
+            self.move(Motion("goto", (known["x"], known["y"], wanted)))
+        else:
+            self.move(Motion("takeoff", (wanted,)))
 
-    def climb(self, speed: float) -> None:
-        self.move(Motion("climb", (clamped(speed, HIGHEST_CLIMB),)))
+    def touch_down(self) -> None:
+        if not self._stopped:
+            self.set_mode(self._modes[LAND])
+
+    def _make_ready(self, tick: int) -> None:
+        self._ask_for_mode(self._modes[GUIDED], tick)
+        if not self._armed:
+            self._ask_to_arm(tick)
 
     def _ask_for_mode(self, mode: int, tick: int) -> None:
         last = self._orders.last(SET_MODE, ASKED)
@@ -444,14 +395,10 @@ class MavlinkVehicle(BridgedBody):
         self._orders.forget(lambda order: order.queue == ASKED and order.command in (ARM_DISARM, TAKEOFF))
         self._order(ARM_DISARM, 0.0)
 
-    def _check_free(self) -> None:
-        if self._stopped:
-            raise MisuseError("it is stopped: RELEASE it first")
-
     # ---- what is sent
 
     def _ask_for_messages(self) -> None:
-        for number, rate in RATES.items():
+        for number, rate in {**RATES, **(LANDED_STATE if self._hovers else {})}.items():
             self._order(INTERVAL, float(number), 1e6 / rate, queue=MESSAGES)
 
     def _order(self, command: int, *parameters: float, queue: str = AT_ONCE, tick: int = 0) -> None:
@@ -477,19 +424,16 @@ class MavlinkVehicle(BridgedBody):
     def _set_point(self, motion: Motion) -> None:
         """Of velocity for all motions but "goto"; zero for those that have none."""
         stamp = int(self._clock.now() * 1000.0) & 0xFFFFFFFF
-        if motion.sort == "goto" and self._map is not None:
+        if motion.sort == "goto" and self._map is not None and isfinite(sum(motion.values)):
             x, y, height = motion.values
             ((latitude, longitude),) = self._map.degrees([x], [y])
-            to = int(latitude * 1e7), int(longitude * 1e7), height if isfinite(height) else 0.0
+            to = int(latitude * 1e7), int(longitude * 1e7), height
             encode = self._link.mav.set_position_target_global_int_encode
             self._link.send(encode(stamp, self._system, 1, EARTH_FRAME, PLACE, *to, *(0.0,) * 8))
             return
-        speed, turn = (motion.values[0], motion.values[1]) if motion.sort == "speeds" else (0.0, 0.0)
-        rise = motion.values[0] if motion.sort == "climb" else 0.0
-        if not self._place[3] < self._ceiling:
-            rise = min(rise, 0.0)
+        speed, turn, side, climb = (*motion.values, 0.0, 0.0)[:4] if motion.sort == "speeds" else (0.0,) * 4
         encode = self._link.mav.set_position_target_local_ned_encode
-        velocity = (0.0, 0.0, 0.0, speed, 0.0, -rise, 0.0, 0.0, 0.0, 0.0, -turn)
+        velocity = (0.0, 0.0, 0.0, speed, -side, -climb, 0.0, 0.0, 0.0, 0.0, -turn)
         self._link.send(encode(stamp, self._system, 1, BODY_FRAME, VELOCITIES, *velocity))
 
     # ---- what has come
@@ -503,14 +447,17 @@ class MavlinkVehicle(BridgedBody):
                 self._take_position(message)
             case "ATTITUDE":
                 self._check_boot(message.time_boot_ms / 1000.0)
-                self._pace = (self._pace[0], -message.yawspeed, self._pace[2])
+                self._values["turn_rate"] = -message.yawspeed
             case "SYS_STATUS":
                 left, volts = message.battery_remaining, message.voltage_battery
-                known = (nan if left < 0 else left / 100.0, nan if volts == 65_535 else volts / 1000.0)
-                self._state = (*known, *self._state[2:])
+                self._values["battery"] = nan if left < 0 else left / 100.0
+                self._values["volts"] = nan if volts == 65_535 else volts / 1000.0
             case "GPS_RAW_INT":
                 seen = message.satellites_visible
-                self._state = (*self._state[:2], float(message.fix_type), nan if seen == 255 else float(seen))
+                self._values["gps_fix"] = float(message.fix_type)
+                self._values["satellites"] = nan if seen == 255 else float(seen)
+            case "EXTENDED_SYS_STATE":
+                self._values["flying"] = FLYING.get(message.landed_state, nan)
             case "COMMAND_ACK":
                 if message.target_system in (0, GCS_SYSTEM_ID) and message.target_component in (0, GCS_COMPONENT_ID):
                     self._hear_answer(message.command, message.result)
@@ -528,9 +475,13 @@ class MavlinkVehicle(BridgedBody):
         x, y = self._map.metres(latitude, longitude) or (nan, nan)
         heading = nan if message.hdg == 65_535 else remainder(pi / 2.0 - message.hdg / 100.0 * pi / 180.0, 2.0 * pi)
         east, north = message.vy / 100.0, message.vx / 100.0
-        self._place = (x, y, heading, message.relative_alt / 1000.0)
-        self._pace = (east * cos(heading) + north * sin(heading), self._pace[1], -message.vz / 100.0)
+        ahead, left = cos(heading), sin(heading)
         self._ground_speed = hypot(east, north)
+        self._drift = east * ahead + north * left, north * ahead - east * left
+        height = message.relative_alt / 1000.0
+        z = height if isnan(self._altitude) else message.alt / 1000.0 - self._altitude
+        self._values |= {"x": x, "y": y, "z": z, "height": height, "heading": heading}
+        self._values |= {"speed": self._drift[0], "climb_rate": -message.vz / 100.0}
         self._fixed = self._clock.now()
 
     def _check_boot(self, seconds: float) -> None:
@@ -538,6 +489,7 @@ class MavlinkVehicle(BridgedBody):
         if seconds < self._boot - RESTARTED:
             self.rest()
             self._mode, self._armed, self._reason = -1, False, ""
+            self._values.pop("flying", None)
             self._orders.forget(lambda order: True)
             self._ask_for_messages()
             self.complain("the vehicle has restarted; it is at rest until a command moves it")
@@ -590,7 +542,7 @@ class MavlinkVehicle(BridgedBody):
         with self._lock:
             if self._motion is not self.failsafe:
                 self._motion = REST
-            self._sent_motion, self._speed = None, 0.0
+            self._sent_motion, self._going = None, self._at_rest
         self._say_once(why)
 
     def _what_holds(self, back: bool) -> str:
@@ -629,15 +581,20 @@ def open_body(uri: str, opening: Opening) -> MavlinkVehicle:
     failsafe = address.choice("failsafe", FAILSAFES).upper()
     origin = Origin.read(address.settings["origin"]) if address.settings["origin"] else None
     speed, turn, acceleration = (address.number(name, most=100.0) for name in ("speed", "turn_rate", "acceleration"))
-    limits = Limits(speed, turn, acceleration)
     ceiling = address.number("ceiling", most=10_000.0, unit="m")
+    floor = address.number("floor", LOWEST, ceiling, "m")
+    height = address.number("height", floor, ceiling, "m") if address.settings["height"] else min(USUAL, ceiling)
+    limits = Limits(speed, turn, acceleration, climb=HIGHEST_CLIMB, floor=floor, ceiling=ceiling)
+    altitude = address.number("altitude", LOWEST, -LOWEST, "m") if address.settings["altitude"] else nan
     link = open_link(address, PORT, GCS_SYSTEM_ID, GCS_COMPONENT_ID)
     try:
         heartbeat = _meet(link, system, f"{address.host}:{address.port or PORT}")
         modes = MODES[heartbeat.type]
         if failsafe not in modes:
             raise BodyError(f"{uri!r:.100}: this vehicle has no mode {failsafe}; it has {', '.join(modes)}")
-        vehicle = MavlinkVehicle(link, system, modes, limits, failsafe=failsafe, origin=origin, ceiling=ceiling)
+        vehicle = MavlinkVehicle(
+            link, system, modes, limits, failsafe=failsafe, origin=origin, altitude=altitude, height=height
+        )
         vehicle.take(heartbeat)
         return vehicle
     except BaseException:

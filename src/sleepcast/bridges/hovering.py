@@ -1,0 +1,124 @@
+"""The vocabulary of whatever hovers, in one place: so one sentence moves copters of every make.
+
+A model is made of `sensors`, `actuators` and `functions`, and adds what its robot alone has. The body behind it is a
+`Hovering`. Heights of its limits and of TAKEOFF count from the ground as the robot measures it, z from the origin.
+"""
+
+from __future__ import annotations
+
+from math import hypot, inf, isnan, nan, pi
+from typing import Protocol
+
+from sleepcast.bridges.body import FRESH, FencedError
+from sleepcast.core.errors import MisuseError
+from sleepcast.core.model import HostFunction, Quantity
+from sleepcast.core.units import LENGTH, SPEED
+from sleepcast.robot import Limits
+
+FARTHEST = 1e5
+"""m from the origin: farther away, nothing is meant to be."""
+OTHERS_MOVE_IT = 10.0
+"""How many times as fast as its limits it may be measured: others move it, too."""
+FASTEST_CLIMB = 100.0
+"""m/s that are measured, up or down."""
+SELDOM = 5.0
+"""Seconds after which the charge of a battery counts as unknown: it is told once a second."""
+
+
+class Hovering(Protocol):
+    """What expressions may ask of a body that hovers. Each raises MisuseError for what it does not do, and
+    OutOfReachError."""
+
+    def arm(self) -> float | None:
+        """Let its motors turn, if nothing else does so."""
+
+    def disarm(self) -> None:
+        """Switch its motors off, on the ground only."""
+
+    def take_off(self, height: float = nan) -> None:
+        """Arm, choose the mode for it, and rise to this height, m; in the air, come to this height."""
+
+    def touch_down(self) -> None:
+        """Land where it is."""
+
+    def go_to(self, x: float, y: float, z: float = nan) -> None:
+        """Go to this place, m from the origin, at its own height if z is not given. Raises FencedError, too."""
+
+    def climb(self, speed: float) -> None:
+        """Climb at this speed, m/s, or sink, on the spot."""
+
+
+def sensors(limits: Limits) -> tuple[Quantity, ...]:
+    """What all that hover measure."""
+    speed, turn = OTHERS_MOVE_IT * limits.speed, OTHERS_MOVE_IT * limits.turn_rate
+    return (
+        Quantity("x", "m", -FARTHEST, FARTHEST, FRESH, "to the east of the origin"),
+        Quantity("y", "m", -FARTHEST, FARTHEST, FRESH, "to the north of the origin"),
+        Quantity("z", "m", -FARTHEST, FARTHEST, FRESH, "above the origin"),
+        Quantity("heading", "rad", -pi, pi, FRESH, "counter-clockwise from east", "deg"),
+        Quantity("speed", "m/s", -speed, speed, FRESH, "along its heading"),
+        Quantity("turn_rate", "rad/s", -turn, turn, FRESH, "counter-clockwise", "deg/s"),
+        Quantity("height", "m", -FARTHEST, FARTHEST, FRESH, "above where it started"),
+        Quantity("climb_rate", "m/s", -FASTEST_CLIMB, FASTEST_CLIMB, FRESH, "upwards"),
+        Quantity("armed", "", 0.0, 1.0, FRESH, "whether its motors may turn"),
+        Quantity("flying", "", 0.0, 1.0, FRESH, "whether it is in the air"),
+        Quantity("battery", "", 0.0, 1.0, SELDOM, "1 is full", "%"),
+    )
+
+
+def actuators(limits: Limits) -> tuple[Quantity, ...]:
+    """In the order of a `Setpoint`."""
+    speed, turn, climb = limits.speed, limits.turn_rate, limits.climb
+    return (
+        Quantity("drive_speed", "m/s", -speed, speed, doc="goes at this speed along its heading"),
+        Quantity("drive_turn", "rad/s", -turn, turn, doc="turns at this rate", shown_as="deg/s"),
+        Quantity("drive_side", "m/s", -speed, speed, doc="goes at this speed to its left"),
+        Quantity("drive_climb", "m/s", -climb, climb, doc="climbs at this speed"),
+    )
+
+
+def functions(body: type[Hovering]) -> tuple[HostFunction, ...]:
+    """What all that hover do, of bodies of this class."""
+    return (
+        HostFunction("ARM", body.arm, doc="Lets its motors turn."),
+        HostFunction("DISARM", body.disarm, doc="Switches its motors off, if it stands on the ground."),
+        HostFunction(
+            "TAKEOFF",
+            body.take_off,
+            (LENGTH,),
+            least=0,
+            arguments="height",
+            doc="Arms and rises to this height; without one, to that of its address.",
+        ),
+        HostFunction("LAND", body.touch_down, doc="Lands where it is."),
+        HostFunction(
+            "GOTO",
+            body.go_to,
+            (LENGTH, LENGTH, LENGTH),
+            least=2,
+            arguments="x y z",
+            doc="Goes to a place, at its own height if z is not given.",
+        ),
+        HostFunction(
+            "CLIMB",
+            body.climb,
+            (SPEED,),
+            arguments="speed",
+            doc="Climbs at this speed, or sinks, in one place until it is told something else.",
+        ),
+    )
+
+
+def check_place(limits: Limits, x: float, y: float) -> None:
+    """Raise FencedError for a place (m) outside of the fence, MisuseError for one that is too far away."""
+    fence = limits.fence
+    if fence is not None and not (fence[0] <= x <= fence[2] and fence[1] <= y <= fence[3]):
+        raise FencedError(f"({x:g}, {y:g}) m lies outside of the fence")
+    if not hypot(x, y) <= FARTHEST:
+        raise MisuseError(f"({x:g}, {y:g}) m is farther than {FARTHEST:g} m from the origin")
+
+
+def check_height(limits: Limits, height: float) -> None:
+    """Raise MisuseError for a height (m) to which it is not flown."""
+    if isnan(height) or not limits.floor <= height <= limits.ceiling or height == inf:
+        raise MisuseError(f"it flies from {limits.floor:g} to {limits.ceiling:g} m high, not at {height:g} m")

@@ -1,0 +1,73 @@
+"""What a vehicle that speaks MAVLink answers to: a copter to what all that hover do, with modes of its own; a rover."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Protocol
+
+from sleepcast.bridges import hovering
+from sleepcast.bridges.body import FRESH
+from sleepcast.bridges.hovering import SELDOM, Hovering
+from sleepcast.core.model import HostFunction, Quantity
+from sleepcast.robot import BodyConstant, Geometry, Limits, RobotModel
+
+GUIDED, LAND = "GUIDED", "LAND"
+COPTER = {"STABILIZE": 0, "ALT_HOLD": 2, "AUTO": 3, GUIDED: 4, "LOITER": 5, "RTL": 6, LAND: 9, "BRAKE": 17}
+ROVER = {"MANUAL": 0, "HOLD": 4, "LOITER": 5, "AUTO": 10, "RTL": 11, GUIDED: 15}
+"""Numbers of ArduPilot's modes."""
+MODES = {**dict.fromkeys((2, 3, 4, 13, 14, 15, 29, 35), COPTER), **dict.fromkeys((10, 11), ROVER)}
+"""Of each type of vehicle that MAVLink has a number for, and that is known here."""
+
+OWN = (
+    Quantity("mode", "", 0.0, 255.0, FRESH, "number of its mode: GUIDED, LOITER, RTL"),
+    Quantity("volts", "", 0.0, 100.0, SELDOM, "of its battery"),
+    Quantity("gps_fix", "", 0.0, 8.0, SELDOM, "3 and more: it knows where it is"),
+    Quantity("satellites", "", 0.0, 254.0, SELDOM, "that its GPS sees"),
+)
+"""What a vehicle measures besides what all do that hover."""
+ON_GROUND = (
+    *("x", "y", "heading", "speed", "turn_rate", "height", "climb_rate", "armed", "mode", "battery"),
+    *("volts", "gps_fix", "satellites"),
+)
+"""What a rover measures."""
+IN_AIR = (*ON_GROUND, "z", "flying")
+
+
+class Vehicle(Hovering, Protocol):
+    """What expressions may ask of a vehicle; a rover answers to what can be done on the ground."""
+
+    def set_mode(self, mode: float) -> None:
+        """Change its mode to the one with this number."""
+
+
+def model_of(modes: dict[str, int], limits: Limits, body: type[Vehicle]) -> RobotModel:
+    """Of vehicles with these modes, whose bodies are of this class."""
+    is_rover = modes is ROVER
+    known = {quantity.name: quantity for quantity in (*hovering.sensors(limits), *OWN)}
+    functions = functions_of(modes, body)
+    called = {function.name for function in functions}
+    return RobotModel(
+        "rover" if is_rover else "copter",
+        tuple(known[name] for name in (ON_GROUND if is_rover else IN_AIR)),
+        hovering.actuators(limits)[: 2 if is_rover else None],
+        functions,
+        limits,
+        Geometry(0.5),
+        tuple(BodyConstant(name, float(number), doc="a mode") for name, number in modes.items() if name not in called),
+    )
+
+
+def functions_of(modes: dict[str, int], body: type[Vehicle]) -> tuple[HostFunction, ...]:
+    """See `model_of`. A mode that has the name of a function stays the number of that name."""
+    set_mode = HostFunction(
+        "SET_MODE",
+        body.set_mode,
+        (None,),
+        arguments="mode",
+        doc="Changes its mode, for instance (SET_MODE GUIDED), in which it does what it is told.",
+    )
+    common = {function.name: function for function in hovering.functions(body)}
+    if modes is ROVER:
+        go_to = replace(common["GOTO"], arguments="x y height", doc="Goes to a place, at this height if it flies.")
+        return common["ARM"], common["DISARM"], set_mode, go_to
+    return set_mode, *(replace(each, value=modes.get(each.name)) for each in common.values())

@@ -12,6 +12,7 @@ from itertools import product
 from pathlib import Path
 
 import pytest
+from benchmarks import instant
 from benchmarks.auctions import made as auctions_made
 from benchmarks.auctions import on_udp
 from benchmarks.auctions import simulated as auctions_simulated
@@ -380,6 +381,13 @@ def test_a_hundred_rounds_on_udp_with_processes_that_are_killed_never_have_too_m
     seen = sum(found.values(), Counter[str]())
     assert [key for key in on_udp.NEVER if seen[key]] == []
     assert all(seen[key] > 0 for key in ("killed", "gone", "stopped", "started", "true"))
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="its parties are forked")
+def test_robots_with_wrong_clocks_miss_an_instant_by_no_more_than_they_say() -> None:
+    found = instant.measured(5, 1)
+    assert len(found.seen) == found.asked == 5
+    assert found.outside == 0
 
 
 def test_rounds_on_a_made_radio_are_counted() -> None:

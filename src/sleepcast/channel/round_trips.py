@@ -25,7 +25,7 @@ TRIPS = 8
 """Round trips that are remembered of a party: in a handful the way there and back is often as short as it gets."""
 DRIFT = 1e-4
 """By how much two clocks drift apart, as a share: quartzes are good for half of that."""
-SOON, SELDOM = 0.15, 16.0
+SOON, SELDOM = 0.3, 16.0
 """Seconds from one question to the next while trips are missing, and at most where nobody answers: then the pause
 doubles each time."""
 REFRESH = 30.0

@@ -66,10 +66,10 @@ class QuietMinds:
         if (self._stamp != self._stamp_now() and not self._look()) or self._pending():
             return 0
         if self._plan is None:
-            return fleet.timing.quiet_for(MOST)
+            return MOST
         if fleet.kernels is not None:
             fleet.kernels.everybody(fleet.state)
-        return fleet.timing.quiet_for(min([tally.uncounted for tally in self._tallies]))
+        return min([tally.uncounted for tally in self._tallies])
 
     def _stamp_now(self) -> tuple[int, ...]:
         fleet = self._fleet

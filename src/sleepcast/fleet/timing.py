@@ -63,13 +63,10 @@ class FleetTiming:
             busy[robots] = True
         return busy
 
-    def quiet_for(self, most: int) -> int:
-        """How many ticks follow, at most so many, that have nothing to do with any instant."""
-        if not self.is_busy:
-            return most
-        now = float(self._state.column(TIME_SLOT, Rows.run(0, 1))[0])
-        first = -inf if self._gone else min(each.instant for each, _ in self._waiting)
-        return max(0, min(most, int((max(first, now) - now) / self.tick) - 2))
+    @property
+    def due(self) -> float:
+        """When there is something to do next, s; inf for never."""
+        return -inf if self._gone else min((each.instant for each, _ in self._waiting), default=inf)
 
     def hear(self, message: Message, timed: Timed, rows: Rows, now: float) -> None:
         """See `TimedCommands.hear`."""

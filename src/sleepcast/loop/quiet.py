@@ -139,7 +139,7 @@ class QuietWorld:
             return 0
         now = swarm.simulator.tick
         most = min(most, self._most, self._before_orders(now), self._before_messages(now), self._before_reports(now))
-        most = min(most, self._minds.ready()) if most > 0 else 0
+        most = min(most, self._before_instants(now), self._minds.ready()) if most > 0 else 0
         self._moves = self._sampling() if most > 0 else None
         if swarm.desks and self._moves is None:
             most = min(most, swarm.telemetry_ticks - now % swarm.telemetry_ticks)
@@ -170,6 +170,11 @@ class QuietWorld:
         while ticks > 0 and (now + ticks) * self._tick >= due:
             ticks -= 1
         return ticks
+
+    def _before_instants(self, now: int) -> int:
+        """Ticks before robots obey a command that waits for an instant: in the tick that is nearest to it."""
+        due = self._swarm.fleet.timing.due
+        return self._most if due == inf else max(0, int(max(due, 0.0) / self._tick) - 2 - now)
 
     def _before_reports(self, now: int) -> int:
         """Ticks up to the next one that has something to report, telemetry apart: at least 1."""

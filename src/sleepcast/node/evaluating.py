@@ -8,6 +8,7 @@ from math import nan
 from typing import Protocol
 
 from sleepcast.channel.message import Kind, Message
+from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.language.program import Program
 from sleepcast.mind.authority import Authority
@@ -22,6 +23,8 @@ class Thinking(Protocol):
     stopped: bool
     catching_up: bool
     authority: Authority
+    clock: Clock | None
+    zero: float
 
     @property
     def memory(self) -> RobotMemory: ...

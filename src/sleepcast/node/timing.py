@@ -120,4 +120,6 @@ class TimedCommands:
         word, value, fault = (
             EvaluatedCommand("fault", nan, refusal) if refusal else self._robot.outcome_of(message, text, now)
         )
-        self._node.answer(command.message, word, value, fault, {BOUND: command.bound(now, self.tick, clock)})
+        since = now if self._node.clock is None else self._node.clock.now() - self._node.zero
+        bound = max(command.bound(moment, self.tick, clock) for moment in (now, since))  # it was between these two
+        self._node.answer(command.message, word, value, fault, {BOUND: bound})

@@ -8,8 +8,10 @@ from typing import cast
 import pytest
 
 from sleepcast.api.assembly import assemble, assemble_from
-from sleepcast.channel.message import LeaseAction
+from sleepcast.api.session_test import as_now, orders_of
+from sleepcast.channel.message import Kind, LeaseAction
 from sleepcast.loop import Swarm, resume, snapshot
+from sleepcast.loop.quiet import QuietTicks
 from sleepcast.loop.rerun import InputLog, Rerun
 from sleepcast.loop.snapshots import copy_of
 from sleepcast.mind.auction import AuctionStatus
@@ -174,6 +176,22 @@ def test_a_run_again_is_the_same_run(tmp_path: Path) -> None:
     assert again.swarm.simulator.state_hash() == swarm.simulator.state_hash()
 
 
+def test_swarms_that_run_together_choose_as_each_does_alone(tmp_path: Path) -> None:
+    seen = []
+    for together in (False, True):
+        swarms = [swarm_in(tmp_path, f"loss = {loss}") for loss in (0.0, 0.3)]
+        for _, chief, _ in swarms:
+            chief.send(BEST, deadline=30.0)
+        if together:
+            QuietTicks([swarm for swarm, _, _ in swarms]).step(40)
+        else:
+            for swarm, _, _ in swarms:
+                swarm.run(4)
+        seen.append([(members(swarm), swarm.measures(), chief.commands()[0].id) for swarm, chief, _ in swarms])
+    assert seen[0] == seen[1]
+    assert seen[0][0][0] == NEAREST
+
+
 @pytest.mark.parametrize(("back", "chosen"), [(0.5, []), (3.0, NEAREST)])
 def test_a_run_that_goes_on_from_an_earlier_moment_keeps_who_was_chosen_then(
     tmp_path: Path, back: float, chosen: list[str]
@@ -305,3 +323,14 @@ def test_who_leaves_by_itself_or_rests_makes_way(tmp_path: Path, text: str) -> N
     swarm.fleet.evaluate("(PROGN (UNMARK) (WAKE) (THAW))", [5])
     swarm.run(2)
     assert members(swarm) == ["rover5", "rover7", "rover8"], "all places are taken"
+
+
+def test_a_test_of_a_run_holds_the_commands_and_not_what_a_desk_says_of_them(tmp_path: Path) -> None:
+    swarm, chief, _ = swarm_in(tmp_path)
+    log = InputLog(swarm)
+    swarm.witnesses.append(log)
+    sent = chief.send(BEST, deadline=30.0)
+    swarm.run(5)
+    assert {message.kind for _, message in log.inputs.posted} == {Kind.COMMAND, Kind.REQUEST}
+    orders = orders_of(swarm, chief, log.inputs, as_now)
+    assert [each.id for each in orders] == [sent.id]

@@ -5,11 +5,13 @@ from __future__ import annotations
 from math import inf
 from random import Random
 
+import msgspec
 import pytest
 from benchmarks.auctions.radio import LIFE, Rounds, best, quorum
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sleepcast.core.errors import MisuseError
 from sleepcast.mind import auction
 from sleepcast.mind.auction import (
     LATE,
@@ -19,6 +21,7 @@ from sleepcast.mind.auction import (
     BidMessage,
     BidPhase,
     GrantMessage,
+    TakenPlace,
     rank,
 )
 
@@ -282,3 +285,29 @@ def test_messages_come_back_as_they_went_and_others_are_none() -> None:
     ):
         assert GrantMessage.of({"grants": {**said_of, **changed}}) is None
     assert GrantMessage.of({"grants": []}) is None
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"auction": best(4)._replace(most=65)},
+        {"auction": best(4)._replace(lease=inf)},
+        {"places": {"r9": TakenPlace(1, 5.0)}},
+        {"number": -1},
+    ],
+)
+def test_an_auction_that_nobody_can_have_begun_is_not_taken_from_a_snapshot(change: dict[str, object]) -> None:
+    caller = Auctioneer(best(4), 7, 0.0, LIFE)
+    caller.hear("r1", 1, heard(1), 0.5)
+    caller.step(1.0)
+    caller.validate()
+    with pytest.raises(MisuseError):
+        msgspec.structs.replace(caller, **change).validate()
+
+
+@pytest.mark.parametrize("change", [{"cost": inf}, {"beat": 2**62}, {"farewells": 5}])
+def test_a_bid_that_no_robot_can_have_made_is_not_taken_from_a_snapshot(change: dict[str, object]) -> None:
+    mine = bid()
+    mine.validate()
+    with pytest.raises(MisuseError):
+        msgspec.structs.replace(mine, **change).validate()

@@ -203,10 +203,12 @@ def is_run_again(inputs: Inputs, tick: float) -> bool:
 
 
 def _sent_first(inputs: Inputs) -> list[tuple[int, Message]]:
-    """The messages with the ticks in which they were sent first: the desk repeats a STOP until all have answered."""
+    """The messages with the ticks in which they were sent first: the desk repeats a STOP until all have answered. What
+    it says as the caller of auctions comes by itself."""
     first = dict[str, tuple[int, Message]]()
     for sent, message in inputs.posted:
-        first.setdefault(message.id, (sent, message))
+        if message.kind is not Kind.REQUEST:
+            first.setdefault(message.id, (sent, message))
     return list(first.values())
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from sleepcast.channel import Kind
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.options import NumberRange, allow_host_option
 from sleepcast.cli.run import FASTEST, HOST, PORT, SLOWEST
@@ -213,7 +214,8 @@ def _to_text(recording: Recording, verdict: ReplayCheck | None) -> str:
     if not recording.complete:
         lines.append("  the file ends early: the recording was broken off, and this is what came before")
     lines += [f"  {topic}: {count}" for topic, count in sorted(recording.counts.items())]
-    for each in recording.posted:
+    commands = (each for each in recording.posted if each.message.kind is not Kind.REQUEST)
+    for each in commands:  # not what desks say of their auctions, several times a second
         first, *more = (each.message.text or each.message.kind.name).strip().split("\n")
         lines += [f"  @{each.tick * scenario.tick:g}s {first}", *(f"    {line}" for line in more)]
     if verdict is not None:

@@ -206,8 +206,14 @@ class Bid(msgspec.Struct):
             chance = crc32(f"{self.name} {self.poll} {self.began!r}".encode())
             # Of two robots of one name, a grant means the one whose beats it names. If a poll is told again and again,
             # what a robot bids later has greater ones.
-            self.beat, self.heard = (int(self.began / TENTH) % 2**31 << 32) + chance, self.began
+            self.beat, self.heard = (int(self.began / TENTH) % 2**30 << 32) + chance, self.began
             self.next = self.began + chance / 2**32 * min(self.spread, self.auction.window / 2)
+
+    def validate(self) -> None:
+        """Raises MisuseError for a bid in a snapshot that no robot can have made."""
+        validate_kept(self.auction)
+        if not (-inf < self.cost < inf and 0 <= self.beat < MAX_NUMBER // 2 and 0 <= self.farewells <= FAREWELLS):
+            raise MisuseError(f"a bid of {self.cost} with the beat {self.beat}")
 
     def hear(self, grants: GrantMessage, sequence: int, now: float) -> bool:
         """Take in what the caller says in its message of this number; whether the robot is to obey now, and then to
@@ -395,6 +401,14 @@ class Auctioneer(msgspec.Struct):
     """Another one whenever the status may be another one."""
     returned: float = -inf
     """When it was put back to an earlier moment: members that it has forgotten tell it that they are there."""
+
+    def validate(self) -> None:
+        """Raises MisuseError for what no caller can know: of an auction in a snapshot."""
+        validate_kept(self.auction)
+        if not self.places.keys() <= self.bids.keys() <= self.known.keys() or self.number < 0:
+            raise MisuseError("an auction in which robots have places that have bid nothing")
+        if max(len(self.known), len(self.gone)) > 2 * MAX_BIDS + 1:
+            raise MisuseError(f"an auction of {len(self.known)} robots")
 
     @property
     def window_ends(self) -> float:

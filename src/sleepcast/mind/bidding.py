@@ -17,7 +17,7 @@ from sleepcast.channel.message import AUCTION, GRANTS, HOPS, MAX_NUMBER, OUTBID,
 from sleepcast.core.errors import MisuseError
 from sleepcast.language.explain import BidStanding, BidState
 from sleepcast.language.parts import Auction
-from sleepcast.mind.auction import Bid, BidPhase, GrantMessage, validate_kept
+from sleepcast.mind.auction import Bid, BidPhase, GrantMessage
 from sleepcast.mind.rules import Rule
 from sleepcast.mind.views import EvaluatedCommand
 
@@ -137,7 +137,7 @@ class Bidding:
         if len(state.open) > MAX_BIDS:
             raise MisuseError(f"{len(state.open)} bids of a robot, which has {MAX_BIDS} at most")
         for each in state.open:
-            validate_kept(each.bid.auction)
+            each.bid.validate()
         bidding._open, bidding._stopped = list(state.open), state.stopped
         bidding._grants.extend(state.grants)
         return bidding

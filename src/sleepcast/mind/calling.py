@@ -17,7 +17,7 @@ import msgspec
 from sleepcast.channel.message import BID, Message, Role
 from sleepcast.core.errors import MisuseError
 from sleepcast.language.parts import Auction
-from sleepcast.mind.auction import Auctioneer, BidMessage, GrantMessage, outlasting, validate_kept
+from sleepcast.mind.auction import Auctioneer, BidMessage, GrantMessage, outlasting
 from sleepcast.mind.limits import MAX_CALLS, TELL_SECONDS, TELLS_A_SECOND
 
 MAX_HEARD = 4_096
@@ -108,6 +108,6 @@ class Calls:
         if len(state.calls) > MAX_CALLS:
             raise MisuseError(f"{len(state.calls)} auctions of a robot, which has {MAX_CALLS} at most")
         for call in state.calls.values():
-            validate_kept(call.auctioneer.auction)
+            call.auctioneer.validate()
         self._calls = dict(state.calls)
         self._heard.extend(state.heard)

@@ -22,7 +22,7 @@ from sleepcast.channel.message_batch import NameIndex, ascending
 from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean
 from sleepcast.core.serial import Array, SerialError, within
 from sleepcast.language.instants import wait_of
-from sleepcast.mind.auction import Auctioneer, validate_kept
+from sleepcast.mind.auction import Auctioneer
 from sleepcast.mind.authority import StopMark, is_ended_by, mark_of
 from sleepcast.station.leases import in_words
 from sleepcast.station.rest import RestAccount, RestStates
@@ -363,7 +363,7 @@ class Command:
         if state.rest is not None:
             command.rest.restore(state.rest)
         if state.auctioneer is not None:
-            validate_kept(state.auctioneer.auction)
+            state.auctioneer.validate()
             command.auctioneer = state.auctioneer
         return command
 

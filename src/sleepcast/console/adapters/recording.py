@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache, partial
 
+from sleepcast.channel import Kind
 from sleepcast.console.account_table import CommandRow
 from sleepcast.console.adapters.fields import still_picture
 from sleepcast.console.adapters.sight import RecordedSight
@@ -75,7 +76,7 @@ class TimelineBuilder:
         self.timeline.sight = RecordedSight(scenario, simulator.bodies.radii, self.timeline.poses, self._shapes)
         for posted in recording.posted:
             message = posted.message
-            if message.id not in self._rows:
+            if message.id not in self._rows and message.kind is not Kind.REQUEST:  # those are no commands
                 about = (message.id, message.kind.value, message.text.strip(), message.issued)
                 self._rows[message.id] = CommandRow(*about, 0, 0, 0, self._count, 0, message.standing)
         self._waiting = list(self._rows.values())

@@ -167,7 +167,7 @@ def reader(
     monkeypatch.syspath_prepend(someone.added)  # commands that the page's packages add are looked up here, too
     yield someone
     for process in someone.running.values():
-        os.kill(process.pid, signal.SIGKILL)
+        process.kill()
         process.wait()
 
 

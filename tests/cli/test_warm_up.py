@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from sleepcast.api import assembly
 from sleepcast.api.assembly import few_of, warm_up
 from sleepcast.simulator import find_scenario
 from sleepcast.simulator.engine import choose, cores
@@ -37,6 +38,7 @@ def test_what_a_tick_takes_is_compiled_beforehand(tmp_path: Path, monkeypatch: p
     rooms = ("[robots]\n", '[world.rooms]\nsize = "6m"\ndoor = "1.5m"\n\n[robots]\n')
     sim = scouts(tmp_path, ("count = 1\n", "count = 40\n"), rooms, more=sonar, machine=choose("numba", 1))
     monkeypatch.setattr(CachedKernel, "__call__", call)
+    monkeypatch.setattr(assembly, "load_kernels", lambda scenario, threads: False)  # as if no process had noted them
     warm_up(sim.scenario, 1)
     prepared = set(called)
     called.clear()

@@ -313,3 +313,26 @@ def test_children_have_the_values_of_the_group_of_their_sort() -> None:
     run.minds["wolf1"].evaluate("(PROGN (HATCH sheep 1) (HATCH wolf 1))")
     run.step()
     assert [run.evaluate(name, "caste").value for name in ("sheep11", "wolf12")] == [1.0, 2.0]
+
+
+def test_a_run_that_is_put_away_goes_on_to_the_last_bit() -> None:
+    with fleet(radio="loss = 0.1", seed=3) as run, fleet(radio="loss = 0.1", seed=3) as other:
+        for each in (run, other):
+            each.run(1)
+            each.send("(RULE breed (WHEN (PROB 0.05) (HATCH (IF (< id 7) sheep wolf) 1 0.5)))", everybody=True)
+            each.send('(RULE pass (WHEN (PROB 0.05) (PROGN (REPORT "bye" id) (DIE))))', everybody=True)
+            each.run(6)
+        asked = [each.send("(WHEN (> energy 10%) (JOIN rich))", wait=0) for each in (run, other)]
+        for each in (run, other):
+            each.run(0.3)
+        with sc.resume(run.snapshot()) as gone_on:
+            assert gone_on.names == run.names
+            for each in (gone_on, other):
+                each.run(5)
+            assert gone_on.hash == other.hash
+            assert gone_on.names == other.names
+            assert gone_on["(+ id energy)"].tobytes() == other["(+ id energy)"].tobytes()
+            kept, wanted = gone_on.station.accounting(asked[0].id), asked[1].account
+            assert (kept.matched, kept.silent) == (wanted.matched, wanted.silent)
+            reports = [[report.robot for report in each.station.reports] for each in (gone_on, other)]
+            assert reports[0] == reports[1]

@@ -224,7 +224,7 @@ ContentsState = AnswersState | ReportsState | RelaysState | PlainBodiesState
 
 
 class MessageBatchState(msgspec.Struct, tag="chorus"):
-    """See `MessageBatch`."""
+    """See `MessageBatch`. senders: their names, where others may be at their indices later."""
 
     kind: Kind
     epoch: int
@@ -233,13 +233,18 @@ class MessageBatchState(msgspec.Struct, tag="chorus"):
     issued: Array
     lasts: float
     words: ContentsState
+    senders: list[str] | None = None
 
 
 def dump_batch(what: MessageBatch) -> MessageBatchState:
     """A batch as serialized state."""
     robots, sequences = Array.of(what.robots.astype(np.int32)), Array.of(what.sequences)
     words = _dump_contents(what.words, what.places)
-    return MessageBatchState(what.kind, what.epoch, robots, sequences, Array.of(what.issued), what.lasts, words)
+    named = names_of_places(what.names, what.robots)
+    senders = None if named is None else list(named.values())
+    return MessageBatchState(
+        what.kind, what.epoch, robots, sequences, Array.of(what.issued), what.lasts, words, senders
+    )
 
 
 def load_batch(state: MessageBatchState, names: Sequence[str]) -> MessageBatch:
@@ -253,6 +258,10 @@ def load_batch(state: MessageBatchState, names: Sequence[str]) -> MessageBatch:
         raise SerialError("a message batch with an epoch or a time out of range")
     words = _load_contents(state.words, shape)
     places = np.arange(len(robots))
+    if state.senders is not None:
+        if len(state.senders) != len(robots):
+            raise SerialError(f"{len(state.senders)} names of {len(robots)} robots")
+        names = NamesThen(len(names), dict(zip(robots.tolist(), state.senders, strict=True)))
     return MessageBatch(state.kind, names, state.epoch, robots, places, sequences, issued, state.lasts, words)
 
 
@@ -298,7 +307,12 @@ def _load_contents(state: ContentsState, shape: tuple[int, ...]) -> Contents:
 
 
 class NameIndex(Sequence[str]):
-    """`count` numbered names (`prefix` and a number from 1), and then those in `listed`. More can be added."""
+    """`count` numbered names (`prefix` and a number from 1), and then those in `listed`. More can be added.
+
+    lasting: whether each index has the same name for ever
+    """
+
+    lasting = True
 
     def __init__(self, listed: Iterable[str] = (), *, prefix: str = "", count: int = 0) -> None:
         self._prefix, self._count = prefix, count
@@ -350,3 +364,24 @@ class NameIndex(Sequence[str]):
 
     def __contains__(self, name: object) -> bool:
         return isinstance(name, str) and self.index_of(name) is not None
+
+
+class NamesThen(NameIndex):
+    """The names of some of so many robots at some time, by index; "" for all others."""
+
+    lasting = False
+
+    def __init__(self, count: int, names: Mapping[int, str]) -> None:
+        super().__init__()
+        self._listed = [names.get(index, "") for index in range(count)]
+        self._indices = {name: index for index, name in names.items()}
+
+    def copy(self) -> NameIndex:
+        return self
+
+
+def names_of_places(names: Sequence[str], places: Index) -> dict[int, str] | None:
+    """The names at these indices, where others may be there later; else None."""
+    if not isinstance(names, NameIndex) or names.lasting:
+        return None
+    return {place: names[place] for place in places.tolist()}

@@ -43,6 +43,13 @@ def turn_over(fleet: Fleet, names: NameIndex, parents: Index, children: Index, n
         fleet.scheduler.left_over.pop(row, None)
 
 
+def renumber(fleet: Fleet, names: NameIndex, numbers: Index) -> None:
+    """Other robots are there than at the start: these, with these numbers by row, below 0 for none."""
+    fleet.names = fleet.outbox.names = names
+    fleet.numbers = (numbers + 1).tolist()
+    fleet.state.keys[:] = streams(fleet.state.seed, numbers + 1)
+
+
 def _ids(ids: Sequence[int], children: Index, numbers: Index, dead: Index) -> list[int]:
     """The robots' ids from now on, 0 where there is none."""
     later = list(ids)

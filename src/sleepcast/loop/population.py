@@ -9,6 +9,7 @@ from sleepcast.channel.message_batch import NameIndex
 from sleepcast.channel.simulated_radio import Radio
 from sleepcast.columns.values import Index, Rows
 from sleepcast.fleet import Fleet
+from sleepcast.fleet.population import renumber as renumber_minds
 from sleepcast.fleet.population import turn_over as turn_minds_over
 from sleepcast.simulator import Simulator
 
@@ -44,3 +45,12 @@ def turn_over(swarm: ChangingSwarm) -> None:
     swarm.fleet.outbox.report(Rows.of(turnover.refused), NO_ROOM)
     for desk in swarm.desks:
         desk.turn_over(names, turnover.children, turnover.dead)
+
+
+def renumber(swarm: ChangingSwarm) -> None:
+    """Other robots are there than at the start: a snapshot is gone on from."""
+    names, population, nobody = swarm.simulator.names, swarm.simulator.population, Rows.run(0, 0).robots
+    if population is not None:
+        renumber_minds(swarm.fleet, names, population.numbers)
+    for desk in swarm.desks:
+        desk.turn_over(names, nobody, nobody)

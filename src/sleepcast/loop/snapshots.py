@@ -27,10 +27,12 @@ from sleepcast.fleet import snapshot as fleets
 from sleepcast.fleet.schema import FleetSnapshot
 from sleepcast.fleet.state import MindTable
 from sleepcast.loop.mission import readable
+from sleepcast.loop.population import renumber
 from sleepcast.loop.swarm import MAX_MINDS, Desk, Swarm
 from sleepcast.simulator import Order
 from sleepcast.simulator import snapshot as simulators
 from sleepcast.simulator.scenario.mission import BOUNDS, COUNTS, Wanted
+from sleepcast.simulator.scenario.population import rooms
 from sleepcast.simulator.snapshot import SimulatorState
 
 FORMAT = 2
@@ -265,7 +267,7 @@ def _opened(data: bytes, name: str) -> SnapshotFile:
 def _resumed(document: SnapshotFile, seed: int | None, threads: int | None) -> Swarm:
     room = room_for(document.robots)
     state = unpack(SimulatorState, document.simulator, room, "the part of the simulator")
-    if simulators.scenario_of(state.scenario).robots.count != document.robots:
+    if sum(rooms(simulators.scenario_of(state.scenario))) != document.robots:
         raise SerialError(f"a scenario with another number of robots than {document.robots}")
     fleet = unpack(FleetSnapshot, document.fleet, room, "the part of the minds")
     radio = unpack(RadioState, document.radio, room, "the part of the radio")
@@ -287,6 +289,8 @@ def go_on(
     wanted = loop.wanted or [[] for _ in loop.orders]
     swarm.mission = [readable(_order(*each)) for each in zip(loop.orders, wanted, strict=True)]
     swarm.given = [(_order(each.order, each.wanted), each.id) for each in loop.given]
+    if swarm.simulator.population is not None:
+        renumber(swarm)
     fleets.restore(swarm.fleet, fleet, swarm.now(), minds)
     swarm.radio.restore(radio, swarm.simulator.names)
     swarm.posted.extend(loop.posted)

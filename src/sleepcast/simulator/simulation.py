@@ -26,7 +26,7 @@ from sleepcast.simulator.motion.driving import bounded
 from sleepcast.simulator.motion.steps import Displacement, Draws, Settled, clear
 from sleepcast.simulator.scenario.events import apply_events
 from sleepcast.simulator.scenario.measures import Measuring
-from sleepcast.simulator.scenario.population import NamesByRow, comes_and_goes, named_by_row, with_room
+from sleepcast.simulator.scenario.population import NamesByRow, comes_and_goes, with_room
 from sleepcast.simulator.scenario.robot_settings import TENTH
 from sleepcast.simulator.scenario.robot_types import names_of
 from sleepcast.simulator.scenario.scenario import Scenario
@@ -88,7 +88,7 @@ class Simulator:
             model = model_of(scenario, self.bodies.sensors, functions, payload.actuators if payload else ())
         self.model = model
         self.names: NameIndex = (
-            named_by_row(scenario) if self.population else names_of(scenario.each_type, self.bodies.count)
+            NamesByRow(scenario) if self.population else names_of(scenario.each_type, self.bodies.count)
         )
         self.robots = Robots(self.bodies, self.senses, self.model)
         self._pinged = np.zeros(self.bodies.count, np.uint8)
@@ -156,6 +156,12 @@ class Simulator:
             if isinstance(self.names, NamesByRow):
                 self.names = self.names.after(turnover.dead, turnover.children, turnover.numbers)
         return turnover
+
+    def renumber(self) -> None:
+        """Other robots are there than at the start, as their numbers say."""
+        if self.population and isinstance(self.names, NamesByRow):
+            self.bodies.renumber()
+            self.names = self.names.numbered(self.population.numbers)
 
     @property
     def _payload_rows(self) -> Floats:

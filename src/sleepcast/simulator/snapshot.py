@@ -19,11 +19,13 @@ from sleepcast.channel.message import is_robot_name
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.given_numbers import MAX_SEED
 from sleepcast.core.records import dataclass
-from sleepcast.core.serial import Arrays, SerialError, dump_arrays, load_arrays, within
+from sleepcast.core.serial import Array, Arrays, SerialError, dump_arrays, load_arrays, within
 from sleepcast.core.units import UNITS
 from sleepcast.simulator.bodies.bodies import MAX_SAYINGS, Mode, Saying
+from sleepcast.simulator.bodies.population import MAX_BIRTHS, NOBODY
 from sleepcast.simulator.packing import pack, unpack
 from sleepcast.simulator.scenario.fields import ScalarField, bounds_of_fields
+from sleepcast.simulator.scenario.population import rooms
 from sleepcast.simulator.scenario.robot_settings import (
     LEAST,
     MAX_BUMPERS,
@@ -61,6 +63,7 @@ class SimulatorState(msgspec.Struct):
     following: the number that the next solid thing gets
     said: time (s), robot and text
     measures: see `Measuring.state`
+    population: see `Population`: the number in each row, and the next one; None where robots do not come and go
     """
 
     scenario: bytes
@@ -71,6 +74,7 @@ class SimulatorState(msgspec.Struct):
     following: int
     said: list[tuple[float, int, str]]
     measures: list[tuple[int, list[list[float]]]]
+    population: tuple[Array, int] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +87,7 @@ class Things:
 
 def state_of(simulator: Simulator, *, whole: bool = True) -> SimulatorState:
     """The state of the simulator between two ticks. whole: with its scenario."""
-    world = simulator.world
+    world, population = simulator.world, simulator.population
     if whole:
         scenario, things = _packed(simulator)
     else:
@@ -98,6 +102,7 @@ def state_of(simulator: Simulator, *, whole: bool = True) -> SimulatorState:
         world.following,
         [(saying.time, saying.robot, saying.text) for saying in simulator.sayings],
         simulator.measuring.state(),
+        None if population is None else (Array.of(population.numbers.astype(np.int64)), population.following),
     )
 
 
@@ -149,7 +154,24 @@ def restore(simulator: Simulator, state: SimulatorState) -> None:
             raise SerialError("a saying of a robot that is not there, or without end")
         simulator.sayings.append(Saying(time, robot, text))
     simulator.measuring.restore(state.measures)
+    if simulator.population is not None:
+        _populate(simulator, state)
     bodies.forget()
+
+
+def _populate(simulator: Simulator, state: SimulatorState) -> None:
+    """Have the robots that were there. Raises SerialError for numbers that no run can give."""
+    population, (listed, following) = simulator.population, state.population or (None, 0)
+    if population is None or listed is None:
+        raise SerialError("a world in which robots come and go, without saying which are there")
+    numbers = listed.made(np.int64, population.numbers.shape, "the numbers of robots")
+    within(numbers, NOBODY, following - 1, "the numbers of robots")
+    there = numbers[numbers >= 0]
+    if len(np.unique(there)) < len(there) or not population.following <= following <= MAX_BIRTHS:
+        raise SerialError("robots with the same number, or with numbers that none can have")
+    population.numbers[:], population.following = numbers, following
+    population.present[:] = numbers >= 0
+    simulator.renumber()
 
 
 def _fill(world: World, state: SimulatorState) -> None:
@@ -229,6 +251,7 @@ def _bounds(scenario: Scenario) -> Iterator[tuple[str, float, float, float]]:
     yield "m across the world", scenario.width, LEAST, MAX_WORLD
     yield "m up the world", scenario.height, LEAST, MAX_WORLD
     yield "robots", scenario.robots.count, 1, MAX_ROBOTS
+    yield "rows of robots", sum(rooms(scenario)), 1, MAX_ROBOTS
     yield "lights", len(scenario.lights), 0, MAX_LIGHTS
     if scenario.pings is not None:
         yield "pings waiting", scenario.pings.queue, 1, MAX_QUEUE
@@ -268,6 +291,7 @@ def _bounds_of(robots: RobotSpec) -> Iterator[tuple[str, float, float, float]]:
     yield "stores", len(robots.stores), 0, MAX_STORES
     yield "sonars", robots.geometry.sonars, 0, 360
     yield "bumpers", robots.bumpers, 0, MAX_BUMPERS
+    yield "robots at one time", robots.most, 0, MAX_ROBOTS
     yield "robots in groups", sum(group.count for group in robots.groups), 0, MAX_ROBOTS
     if robots.wheels is not None:
         yield "m between wheels", robots.wheels.track, LEAST, MAX_WORLD

@@ -120,9 +120,10 @@ class Roster:
         return place
 
     def enrol(self, name: str) -> int | None:
-        """The place of a robot, a new one if need be; None if the roster is full."""
+        """The place of a robot, a new one if need be; None if the roster is full, and where robots come and go, since
+        there is nobody else then."""
         place = self.names.index_of(name)
-        if place is None and len(self.names) < MAX_ROBOTS:
+        if place is None and self.names.lasting and len(self.names) < MAX_ROBOTS:
             place = self.names.add(name)
             if place >= len(self.heard):
                 self.heard, self.reported = _longer(self.heard), _longer(self.reported)
@@ -138,6 +139,12 @@ class Roster:
         if place is not None:
             self.heard[place] = now
         return place
+
+    def hear_many(self, names: Sequence[str], robots: Index, now: float) -> None:
+        """Store that these robots were heard, which are still at the places of `names` that they had."""
+        if not self.names.lasting and names is not self.names:
+            robots = np.array([place for place in robots.tolist() if names[place] == self.names[place]], np.intp)
+        self.heard[robots] = now
 
     def state(self, minds: int) -> RosterState:
         """All of it. minds: how many of the robots, from the first on, are known by their minds."""
@@ -180,7 +187,7 @@ class RobotNames(Sequence[str]):
     """Robots by their places, named only on request."""
 
     def __init__(self, names: NameIndex, places: Index) -> None:
-        self._names, self.places = names, places
+        self.names, self.places = names, places
 
     def __len__(self) -> int:
         return len(self.places)
@@ -193,8 +200,8 @@ class RobotNames(Sequence[str]):
 
     def __getitem__(self, at: int | slice) -> str | tuple[str, ...]:
         if isinstance(at, slice):
-            return tuple(self._names[place] for place in self.places[at].tolist())
-        return self._names[int(self.places[at])]
+            return tuple(self.names[place] for place in self.places[at].tolist())
+        return self.names[int(self.places[at])]
 
 
 def _named(names: NameIndex) -> Index:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import BOUND, HELD, LOOK, UNKNOWN, WAITING, lasts, outcome_of
 from sleepcast.channel.message_batch import AnswerColumns as Said
-from sleepcast.channel.message_batch import NameIndex, ascending
+from sleepcast.channel.message_batch import NameIndex, NamesThen, ascending, names_of_places
 from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean
 from sleepcast.core.serial import Array, SerialError, within
 from sleepcast.language.instants import wait_of
@@ -348,17 +348,30 @@ class Command:
             only,
             self.rest.state() if self.kind is Kind.STOP else None,
             self.auctioneer,
+            names_of_places(self.answers.names, self._known),
         )
         return CommandState(self.message, self.addressed, *kept)
+
+    @property
+    def _known(self) -> Index:
+        """The places of those that were asked, or have answered."""
+        known = self.answers.codes != SILENT
+        known[: self.addressed if self.only is None else 0] = True
+        known[self.only if self.only is not None else slice(0, 0)] = True
+        return np.flatnonzero(known)
 
     @classmethod
     def restored(cls, state: CommandState, names: NameIndex) -> Command:
         """The command that was kept. Raises SerialError."""
+        if state.names is not None:
+            names = NamesThen(len(names), state.names)
         command = cls(state.message, names, ascending(state.expected, len(names)), state.last_sent)
         if not 0 <= state.addressed <= len(names):
             raise SerialError(f"a command to {state.addressed} robots, of which there are {len(names)}")
         command.addressed = command.size = state.addressed  # of a swarm, whose robots are all on the roster
         command.only = None if state.only is None else ascending(state.only, state.addressed)
+        if state.names is not None and command.only is not None:
+            command.size = len(command.only)
         command.answers.restore(state.answers)
         if state.rest is not None:
             command.rest.restore(state.rest)

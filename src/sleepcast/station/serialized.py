@@ -36,7 +36,7 @@ class RestStatesState(msgspec.Struct, array_like=True):
 
 
 class CommandState(msgspec.Struct, array_like=True):
-    """See `Command`."""
+    """See `Command`. names: of the robots that were asked or have answered, by place, where others may be there now."""
 
     message: Message
     addressed: int
@@ -46,6 +46,7 @@ class CommandState(msgspec.Struct, array_like=True):
     only: Array | None = None
     rest: RestStatesState | None = None
     auctioneer: Auctioneer | None = None
+    names: dict[int, str] | None = None
 
 
 class EntryState(msgspec.Struct, array_like=True):

@@ -562,7 +562,7 @@ class Station:
                 self.hear(message)
         with self._lock:
             now = self._clock.now()
-            self._roster.heard[batch.robots] = now
+            self._roster.hear_many(batch.names, batch.robots, now)
             if isinstance(said, AnswerColumns):
                 command = self._sent.find(said.command)
                 if command is not None:

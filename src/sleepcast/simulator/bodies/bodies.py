@@ -208,6 +208,12 @@ class Bodies:
         for name, column in self._columns.items():
             column[..., rows] = given[name]
 
+    def renumber(self) -> None:
+        """Other robots are there than at the start, as their numbers say."""
+        if self.population:
+            self.numbers[:] = self.population.numbers.astype(np.uint64)
+            self.chance[:] = self._chances()
+
     def turn_over(self, turnover: Turnover) -> None:
         """Robots have come, each as a copy of its parent, but for what it gets of its stores; and others have gone."""
         parents, children, dead = turnover.parents, turnover.children, turnover.dead

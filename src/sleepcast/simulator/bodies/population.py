@@ -25,6 +25,8 @@ Flags = NDArray[np.bool_]
 
 NOBODY = -1
 """The number in a row without a robot."""
+MAX_BIRTHS = 1 << 31
+"""Numbers of one run: noise puts those of two robots into one word of 64 bits."""
 MAX_CALLS = 64
 """Calls of HATCH by one robot in a tick: what they ask for is kept until its end."""
 

@@ -8,7 +8,8 @@ number, which none ever has a second time, and after which they are called.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from itertools import accumulate
 
@@ -29,10 +30,21 @@ def comes_and_goes(scenario: Scenario) -> bool:
     return any(spec.hatch for spec in scenario.each_type)
 
 
+def counts(scenario: Scenario) -> list[int]:
+    """How many robots of each sort there are at the start."""
+    return [part.stop - part.start for part in slices(scenario.each_type, scenario.robots.count)]
+
+
+def rooms(scenario: Scenario) -> list[int]:
+    """How many robots of each sort there may be at one time."""
+    counted = zip(scenario.each_type, counts(scenario), strict=True)
+    return [max(count, spec.most or USUAL_ROOM * count) if spec.hatch else count for spec, count in counted]
+
+
 def with_room(scenario: Scenario) -> Scenario:
     """The scenario with as many robots of each sort as there may be at one time. Raises MisuseError for too many."""
-    counts = [part.stop - part.start for part in slices(scenario.each_type, scenario.robots.count)]
-    specs = tuple(_roomy(*each) for each in zip(scenario.each_type, counts, strict=True))
+    sized = zip(scenario.each_type, rooms(scenario), strict=True)
+    specs = tuple(_roomy(*each) for each in sized)
     total = sum(spec.count for spec in specs)
     if total > MAX_ROBOTS:
         raise MisuseError(f"room for {total} robots is too much: at most {MAX_ROBOTS} fit. Say a lower most = ...")
@@ -42,25 +54,19 @@ def with_room(scenario: Scenario) -> Scenario:
     return replace(scenario, robots=replace(scenario.robots, count=total, groups=groups), sorts=specs)
 
 
-def _roomy(spec: RobotSpec, count: int) -> RobotSpec:
-    """A sort, and its groups, with as many robots as there may be at one time. count: at the start."""
-    room = _room(spec, count)
+def _roomy(spec: RobotSpec, room: int) -> RobotSpec:
+    """A sort, and its groups, with as many robots as there may be at one time."""
     sizes = np.bincount(group_indices(spec.groups, room), minlength=len(spec.groups)) if spec.groups else ()
     groups = tuple(replace(group, count=int(size)) for group, size in zip(spec.groups, sizes, strict=True))
     return replace(spec, count=room, groups=groups)
 
 
-def _room(spec: RobotSpec, count: int) -> int:
-    """How many robots of a sort there may be at one time. count: at the start."""
-    return max(count, spec.most or USUAL_ROOM * count) if spec.hatch else count
-
-
 def rows_at_first(scenario: Scenario) -> NDArray[np.intp]:
     """The row of each robot at the start, in the order of their numbers."""
-    counts = [part.stop - part.start for part in slices(scenario.each_type, scenario.robots.count)]
-    rooms = [_room(spec, count) for spec, count in zip(scenario.each_type, counts, strict=True)]
-    begins = accumulate(rooms[:-1], initial=0)
-    return np.concatenate([np.arange(begin, begin + count) for begin, count in zip(begins, counts, strict=True)])
+    begins = accumulate(rooms(scenario)[:-1], initial=0)
+    return np.concatenate(
+        [np.arange(begin, begin + count) for begin, count in zip(begins, counts(scenario), strict=True)]
+    )
 
 
 def sorts_by_name(specs: Sequence[RobotSpec]) -> dict[str, int]:
@@ -78,43 +84,51 @@ def sort_constants(scenario: Scenario) -> tuple[BodyConstant, ...]:
 class NamesByRow(NameIndex):
     """The names of robots by their rows, "" for rows without a robot. They never change: `after` gives others."""
 
-    def __init__(self, names: Sequence[str], kinds: Sequence[str], rows: Iterable[int]) -> None:
+    lasting = False
+
+    def __init__(self, scenario: Scenario) -> None:
         super().__init__()
-        self._listed, self._kinds = list(names), kinds
-        self._indices = {self._listed[row]: row for row in rows}
-        self._first = frozenset(self._indices)
+        self._first = tuple(names_of(scenario.each_type, scenario.robots.count))
         """The names at the start, which are the only ones that may have been chosen freely."""
+        self._taken = frozenset(self._first)
+        sized = zip(scenario.each_type, rooms(scenario), strict=True)
+        self._kinds = [spec.type for spec, room in sized for _ in range(room)]
+        self._listed = [""] * len(self._kinds)
+        self._name(rows_at_first(scenario), np.arange(len(self._first)))
+
+    def _name(self, rows: NDArray[np.intp], numbers: NDArray[np.intp]) -> None:
+        """Robots with these numbers are in these rows."""
+        for row, number in zip(rows.tolist(), numbers.tolist(), strict=True):
+            name = self._listed[row] = self._called(row, number)
+            self._indices[name] = row
+
+    def _called(self, row: int, number: int) -> str:
+        if number < len(self._first):
+            return self._first[number]
+        name = f"{self._kinds[row]}{number + 1}"
+        return f"{name}b" if name in self._taken else name
 
     def after(self, gone: NDArray[np.intp], come: NDArray[np.intp], numbers: NDArray[np.intp]) -> NamesByRow:
         """The names once the robots of the rows `gone` are gone, and others have come. numbers: of these, from 0."""
-        later = NamesByRow((), self._kinds, ())
-        later._listed, later._indices, later._first = self._listed.copy(), self._indices.copy(), self._first
+        later = copy(self)
+        later._listed, later._indices = self._listed.copy(), self._indices.copy()
         for row in gone.tolist():
             del later._indices[later._listed[row]]
             later._listed[row] = ""
-        for row, number in zip(come.tolist(), numbers.tolist(), strict=True):
-            name = f"{self._kinds[row]}{number + 1}"
-            name = later._listed[row] = f"{name}b" if name in self._first else name
-            later._indices[name] = row
+        later._name(come, numbers)
         return later
+
+    def numbered(self, numbers: NDArray[np.intp]) -> NamesByRow:
+        """The names of robots with these numbers, one for each row; none where a number is below 0."""
+        come = np.flatnonzero(numbers >= 0)
+        return self.after(np.array(sorted(self._indices.values()), np.intp), come, numbers[come])
 
     def copy(self) -> NameIndex:
         return self
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._indices or (name == "" and len(self._indices) < len(self._listed))
 
     def add(self, name: str) -> int:
         """The row of a robot. Raises KeyError for a name that none has: others are not taken in."""
         return self._indices[name]
 
-
-def named_by_row(scenario: Scenario) -> NamesByRow:
-    """The names at the start of a scenario in which robots come and go."""
-    first, rows = names_of(scenario.each_type, scenario.robots.count), rows_at_first(scenario).tolist()
-    roomy = with_room(scenario)
-    names = [""] * roomy.robots.count
-    for name, row in zip(first, rows, strict=True):
-        names[row] = name
-    kinds = [spec.type for spec in roomy.each_type for _ in range(spec.count)]
-    return NamesByRow(names, kinds, rows)
+    def __contains__(self, name: object) -> bool:
+        return name in self._indices or (name == "" and len(self._indices) < len(self._listed))

@@ -29,6 +29,8 @@ def restore_journal(journal: MemoryJournal, state: JournalState, names: NameInde
 def _entry_parcel(entry: JournalEntry) -> EntryState:
     robots = {key: value for key, value in entry.details.items() if isinstance(value, RobotNames)}
     details = {key: value for key, value in entry.details.items() if key not in robots}
+    for key in [key for key, some in robots.items() if not some.names.lasting]:
+        details[key] = list(robots.pop(key))
     places = {key: Array.of(some.places.astype(np.int32)) for key, some in robots.items()}
     return EntryState(entry.time, entry.who, entry.event, entry.subject, entry.text, details, places)
 

@@ -303,6 +303,15 @@ def test_the_gym_benchmark_counts_steps() -> None:
 
 
 @pytest.mark.nightly
+def test_robots_that_come_and_go_take_no_more_memory_by_and_by() -> None:
+    command = [sys.executable, "-m", "benchmarks.population", "--quick", "--json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    run = json.loads(done.stdout)["run"]
+    assert (run["births"], run["left"], len(run["megabytes"])) == (20_000, 2_000, 10)
+
+
+@pytest.mark.nightly
 def test_the_neighbours_benchmark_times_every_function_and_has_its_bar() -> None:
     command = [sys.executable, "-m", "benchmarks.neighbours", "--robots", "200", "--quick", "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)

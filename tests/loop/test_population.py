@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import sleepcast as sc
+from cli.calling import called_warm
 from machines import ALL
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.core.errors import SleepcastError
@@ -336,3 +338,46 @@ def test_a_run_that_is_put_away_goes_on_to_the_last_bit() -> None:
             assert (kept.matched, kept.silent) == (wanted.matched, wanted.silent)
             reports = [[report.robot for report in each.station.reports] for each in (gone_on, other)]
             assert reports[0] == reports[1]
+
+
+def test_a_run_does_not_grow_by_births_and_deaths() -> None:
+    with fleet(sheep="hatch = true\nmost = 12") as run:
+        run.run(1)
+        run.send("(RULE live (PROGN (HATCH sheep 1) (DIE)))", only=[f"sheep{number}" for number in range(1, 7)])
+        sizes = []
+        for _ in range(2):
+            run.run(8)
+            sizes.append(len(run.snapshot()))
+        assert max(int(name.lstrip("shepwolf")) for name in run.names) > 900
+        assert sizes[1] < 1.02 * sizes[0]
+        assert (len(run.names), len(run.swarm.fleet.minds)) == (10, 2)
+
+
+def test_worlds_at_once_come_to_the_same_as_each_alone() -> None:
+    def lived(run: Any) -> None:
+        run.run(1, quiet=True)
+        for each in (BREED, PASS):
+            run.send(each, everybody=True, wait=0)
+        run.run(5, quiet=True)
+
+    alone = []
+    for seed in (1, 2):
+        with fleet(seed=seed) as run:
+            lived(run)
+            alone.append((run.hash, tuple(run.names)))
+    with sc.open_many(text(), seeds=[1, 2]) as worlds:
+        lived(worlds)
+        assert [(world.hash, tuple(world.names)) for world in worlds] == alone
+
+
+def test_recorded_runs_are_verified_and_not_exported(tmp_path: Path) -> None:
+    file = tmp_path / "run.mcap"
+    with fleet() as run, run.record(file):
+        run.run(1)
+        for each in (BREED, PASS):
+            run.send(each, everybody=True)
+        run.run(5)
+    verified = called_warm("replay", str(file), "--verify")
+    assert (verified.status, "the same to the last bit" in verified.out) == (0, True)
+    refused = called_warm("export", str(file), "--to", "csv")
+    assert (refused.status, "robots come and go in this run" in refused.err) == (2, True)

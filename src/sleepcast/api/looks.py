@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from sleepcast.fleet.marks import GroupCodes
 from sleepcast.loop import Swarm
-from sleepcast.simulator.scenario.robot_types import slices
 from sleepcast.simulator.simulation import OTHER_COLOUR
 
 Corners = Sequence[tuple[float, float]]
@@ -139,10 +138,11 @@ def looks_of(swarm: Swarm) -> SwarmLooks:
         colours = np.zeros(count, np.uint8)
     bodies = np.zeros(count, np.intp)
     entries = []
-    for number, (settings, part) in enumerate(zip(types, slices(types, count), strict=True)):
+    for number, (settings, part) in enumerate(zip(types, simulator.bodies.of_each_type, strict=True)):
         bodies[part] = number
         if len(types) > 1:
-            entries.append((number, settings.type, part.stop - part.start))
+            there = simulator.there[part]
+            entries.append((number, settings.type, int(np.count_nonzero(there))))
     bodies = bodies_of(bodies, codes, colours)
     rings = np.where(second, _GROUPS[second], np.where(codes.astype(bool) & (colours > 0), _COLOURS[colours], NONE))
     entries += [

@@ -12,7 +12,6 @@ from sleepcast.loop import Swarm
 from sleepcast.simulator.recording.protobuf import NANO
 from sleepcast.simulator.recording.recorder import GROUPS, SCENE, Recorder
 from sleepcast.simulator.recording.scene import MAX_MEMBERS, Colour, deletion, ground, half_length, members, walls
-from sleepcast.simulator.scenario.robot_types import slices
 
 _COLOURS = tuple(map(Colour.of, INKS))
 _BYTES = np.array([[round(255 * part) for part in colour] for colour in _COLOURS], np.uint8)
@@ -25,9 +24,9 @@ class Painter:
 
     def __init__(self, recorder: Recorder, swarm: Swarm) -> None:
         self._recorder, self._simulator = recorder, swarm.simulator
-        types, count = swarm.simulator.scenario.each_type, len(swarm.simulator.names)
+        count = len(swarm.simulator.names)
         self._types = np.zeros(count, np.intp)
-        for number, part in enumerate(slices(types, count)):
+        for number, part in enumerate(swarm.simulator.bodies.of_each_type):
             self._types[part] = number % TYPES
         self._size = half_length(swarm.simulator.scenario)
         self._parts: list[tuple[str, Colour, NDArray[np.intp]]] = []
@@ -65,7 +64,7 @@ class Painter:
             solid = walls(stamp, simulator.world.shapes.values())
             self._recorder.scene(SCENE, time, [*ground(stamp, simulator.scenario), solid])
         entities = []
-        places = (simulator.x, simulator.y, simulator.bodies.heading)
+        places = simulator.poses
         for name, colour, who in self._parts:
             x, y, heading = (values[who] for values in places)
             entities.append(members(stamp, name, colour, self._size, (x, y, heading)))

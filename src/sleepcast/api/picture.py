@@ -27,9 +27,10 @@ around them."""
 def picture(swarm: Swarm, caption: str) -> str:
     """The swarm as it is now, as HTML. caption: stands below."""
     legend = [_entry(*each) for each in looks_of(swarm).entries]
-    count = len(swarm.simulator.names)
+    robots = np.flatnonzero(swarm.simulator.there)
+    count = len(robots)
     if count > MAX_DRAWN:
-        legend.append(f"<span>{len(_shown(count)):,} of {count:,} robots are drawn</span>")
+        legend.append(f"<span>{len(_shown(robots)):,} of {count:,} robots are drawn</span>")
     return (
         f'<div style="font: 13px system-ui, sans-serif">{drawing(swarm, caption)}'
         f'<div style="display: flex; flex-wrap: wrap; gap: 4px 16px">{"".join(legend)}</div>'
@@ -43,7 +44,7 @@ def drawing(swarm: Swarm, label: str) -> str:
     simulator = swarm.simulator
     frame = _Frame.of(swarm)
     size = max(SMALLEST, simulator.scenario.robots.geometry.radius * frame.scale)
-    shown = _shown(len(simulator.names))
+    shown = _shown(np.flatnonzero(simulator.there))
     looks = looks_of(swarm)
     parts = [_ground(shape, frame) for shape in simulator.world.shapes.values()]
     pixels = [frame.pixel(x, y) for x, y in zip(simulator.x[shown].tolist(), simulator.y[shown].tolist(), strict=True)]
@@ -74,9 +75,9 @@ def drawing(swarm: Swarm, label: str) -> str:
     )
 
 
-def _shown(count: int) -> NDArray[np.intp]:
+def _shown(robots: NDArray[np.intp]) -> NDArray[np.intp]:
     """The indices of the robots that are drawn."""
-    return np.arange(0, count, max(1, -(-count // MAX_DRAWN)))
+    return robots[:: max(1, -(-len(robots) // MAX_DRAWN))]
 
 
 class _Frame(NamedTuple):
@@ -100,9 +101,14 @@ class _Frame(NamedTuple):
         named = [(place.x, place.y) for place in scenario.named_points] + [
             (light.x, light.y) for light in scenario.lights
         ]
+        there = simulator.there
+        if not there.any() and not named:
+            named = [(0.0, 0.0), (scenario.width, scenario.height)]
         x, y = (
             np.append(own, others)
-            for own, others in zip((simulator.x, simulator.y), np.array(named).reshape(-1, 2).T, strict=True)
+            for own, others in zip(
+                (simulator.x[there], simulator.y[there]), np.array(named).reshape(-1, 2).T, strict=True
+            )
         )
         room = ROOM * scenario.robots.geometry.radius
         left, right, bottom, top = x.min() - room, x.max() + room, y.min() - room, y.max() + room

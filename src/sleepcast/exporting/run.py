@@ -34,6 +34,7 @@ from sleepcast.simulator.recording.recorder import (
     WorldChange,
 )
 from sleepcast.simulator.recording.recording import NoRecordingError, RecordedEntry, Recording, decoded, entries
+from sleepcast.simulator.scenario.population import comes_and_goes
 from sleepcast.simulator.scenario.robot_settings import RobotSpec
 from sleepcast.simulator.scenario.robot_types import names_of, slices
 from sleepcast.simulator.scenario.sensors import sensors_of, sonar_sensors
@@ -161,6 +162,11 @@ class RecordedRun:
     def __init__(self, recording: Recording, only: Sequence[str] = ()) -> None:
         scenario = recording.scenario
         self.recording, self.scenario = recording, scenario
+        if comes_and_goes(scenario):
+            raise MisuseError(
+                f"{recording.file}: robots come and go in this run ({scenario.name}), which no exported file tells "
+                "yet. Play it with sleepcast replay, or take fleet.history(...).table() in Python"
+            )
         self.names = names_of(scenario.each_type, scenario.robots.count)
         self.all = not only
         self.chosen = (

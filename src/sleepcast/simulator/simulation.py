@@ -119,6 +119,15 @@ class Simulator:
         return self.bodies.y
 
     @property
+    def poses(self) -> tuple[Floats, Floats, Floats]:
+        """x and y (m) and heading (rad) of the robots, for whoever draws them: NaN in rows without one."""
+        columns = self.x, self.y, self.bodies.heading
+        if self.population is None:
+            return columns
+        x, y, heading = (np.where(self.population.present, column, np.nan) for column in columns)
+        return x, y, heading
+
+    @property
     def sayings(self) -> list[Saying]:
         """The latest messages that robots have spoken with `TK`."""
         return self.bodies.sayings
@@ -143,6 +152,11 @@ class Simulator:
     @property
     def _there(self) -> Flags | None:
         return self.population.present if self.population else None
+
+    @property
+    def there(self) -> Flags:
+        """Which rows have a robot."""
+        return np.ones(self.bodies.count, bool) if self.population is None else self.population.present
 
     def turn_over(self) -> Turnover | None:
         """The end of a tick: robots come and go as they have asked; None if none does."""

@@ -25,6 +25,7 @@ from sleepcast.language import Vocabulary
 from sleepcast.loop import Swarm
 from sleepcast.loop.swarm import Witness
 from sleepcast.simulator import Area, Circle, MapPicture, Scenario, Shape, Simulator, Wall
+from sleepcast.simulator.scenario.population import comes_and_goes, with_room
 from sleepcast.simulator.scenario.robot_settings import RobotSpec
 from sleepcast.simulator.scenario.robot_types import slices
 from sleepcast.simulator.scenario.sliders import Slider
@@ -100,7 +101,7 @@ class SwarmAdapter:
     def poses(self) -> bytes:
         """x (m), y (m) and heading (rad, counter-clockwise from x) of each robot in turn, float32, little endian."""
         simulator = self._swarm.simulator
-        return packed_poses(simulator.x, simulator.y, simulator.bodies.heading)
+        return packed_poses(*simulator.poses)
 
     def obstacles(self) -> tuple[tuple[Outline, ...], ...] | None:
         """What is solid now, once that has changed."""
@@ -148,6 +149,7 @@ def existing(picture: MapPicture | None) -> MapPicture | None:
 
 def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
     """What the page draws under the robots, which have these names."""
+    sorts = (with_room(scenario) if comes_and_goes(scenario) else scenario).each_type
     return Scene(
         title=scenario.title,
         story=" ".join(scenario.about.split()),
@@ -157,7 +159,7 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
         unit=scenario.length_unit or "m",
         sizes=tuple(
             (part.stop - part.start, spec.geometry.radius)
-            for spec, part in zip(scenario.each_type, slices(scenario.each_type, len(names)), strict=True)
+            for spec, part in zip(sorts, slices(sorts, len(names)), strict=True)
         ),
         kinds=tuple(spec.type for spec in scenario.each_type) if len(scenario.each_type) > 1 else (),
         places=tuple(MapLabel(each.title, each.x, each.y, each.name) for each in scenario.named_points),

@@ -74,6 +74,7 @@ from sleepcast.simulator.recording.json_messages import (
 from sleepcast.simulator.recording.scene import SCENE as SCENE_NAME
 from sleepcast.simulator.recording.scene import SCENE_SCHEMA
 from sleepcast.simulator.recording.scene import scene as scene_update
+from sleepcast.simulator.scenario.population import rooms
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.world.world import Shape
 
@@ -201,8 +202,9 @@ class Recorder:
         self._scenario = pack(scenario)
         self._lock = RLock()
         self._closing = Event()
-        self._poses = foxglove.pose_frame(scenario.robots.count)
-        self._colours = np.full((scenario.robots.count, len(_GREY)), _GREY, np.uint8)
+        count = sum(rooms(scenario))
+        self._poses = foxglove.pose_frame(count)
+        self._colours = np.full((count, len(_GREY)), _GREY, np.uint8)
         self._schemas = {
             READINGS: ("Readings", readings(sensors)),
             ACCOUNTING: ("Accounting", schema_of(AccountBody)),

@@ -305,13 +305,13 @@ class Admission:
         if part.kind in TO_OPERATOR if self.robot else part.kind in _TO_ROBOTS and key.role is Role.ROBOT:
             return DropReason.NOT_FOR_US
         tells_time = bool(self.nonce) and self._tells_time(part)
-        if self.robot and not tells_time and part.kind is Kind.HEARTBEAT and _TELLS_OTHERS in part.payload:
-            return DropReason.NOT_FOR_US
         untimely = None if part.kind in self._timeless or tells_time else self._untimely(part, now)
         if untimely is not None and not self._may_tell_why(part, key):
             return untimely
         if not key.owner.endswith("*") and self._knows(part, key.owner):
             return DropReason.REPEATED
+        if self.robot and not tells_time and part.kind is Kind.HEARTBEAT and _TELLS_OTHERS in part.payload:
+            return DropReason.NOT_FOR_US
         budget = self._times if tells_time else self._untimely_budget if untimely is not None else None
         if not (self._has_time(part, key, now) if budget is None else budget.take(now)):
             return untimely or DropReason.TOO_MANY

@@ -1,0 +1,75 @@
+"""Round trips bound how far another clock is away, however unequal the two ways are."""
+
+from __future__ import annotations
+
+from random import Random
+
+import pytest
+
+from sleepcast.channel import Kind, Message
+from sleepcast.channel.message import TIME, WHOSE
+from sleepcast.channel.round_trips import DRIFT, MAX_ASKED, REPLIES_A_SECOND, SELDOM, TRIPS, RoundTrips
+
+AHEAD = 1.7
+
+
+def trip(trips: RoundTrips, now: float, there: float, back: float, sender: str = "anna") -> bool:
+    """Ask at `now`, and hear the answer of a clock that is AHEAD s behind ours."""
+    asked = trips.question(now)
+    answer = Message(sender, 1, 1, Kind.HEARTBEAT, now + there - AHEAD, body={TIME: asked[TIME]})
+    return trips.hear(answer, now + there + back)
+
+
+def test_the_bound_holds_whatever_the_ways_take_and_the_shortest_trip_counts() -> None:
+    trips, chance, now = RoundTrips(Random(1)), Random(2), 100.0
+    trips.want("anna", 1e6, now)
+    assert trips.of("anna", now) is None
+    shortest = 9.0
+    for _ in range(40):
+        now = max(now + 0.5, trips.due())
+        there, back = chance.uniform(0.0, 0.3), chance.uniform(0.0, 0.05)
+        assert trip(trips, now, there, back)
+        clock = trips.of("anna", now + there + back)
+        assert clock is not None
+        assert abs(clock.ahead - AHEAD) <= clock.bound + 1e-9
+        shortest = min(shortest, there + back)
+    assert clock.bound < 0.15
+    later = trips.of("anna", now + 1_000.0)
+    assert later is not None
+    assert later.bound == pytest.approx(clock.bound + 1_000.0 * DRIFT, abs=0.03)
+
+
+@pytest.mark.parametrize("wrong", ["nonce", "sender", "again", "late"])
+def test_an_answer_counts_once_from_whom_was_asked_to_the_open_question_and_in_time(wrong: str) -> None:
+    trips = RoundTrips(Random(1))
+    trips.want("anna", 1e6, 0.0)
+    asked = trips.question(1.0)
+    assert asked[WHOSE] == "anna"
+    body = {TIME: b"x" * 16 if wrong == "nonce" else asked[TIME]}
+    answer = Message("bert" if wrong == "sender" else "anna", 1, 1, Kind.HEARTBEAT, 1.0, body=body)
+    if wrong == "again":
+        assert trips.hear(answer, 1.1)
+    assert not trips.hear(answer, 3.0 if wrong == "late" else 1.2)
+
+
+def test_questions_become_rare_where_nobody_answers_and_end_with_what_waits() -> None:
+    trips = RoundTrips(Random(1))
+    trips.want("anna", 600.0, 0.0)
+    times = []
+    while trips.due() < 1e9:
+        times.append(trips.due())
+        if not trips.question(trips.due()):
+            break
+    assert times[-1] <= 600.0 + 1.5 * SELDOM
+    assert len(times) < 70
+
+
+def test_parties_trips_and_replies_are_bounded() -> None:
+    trips = RoundTrips(Random(1))
+    for number in range(2 * MAX_ASKED):
+        trips.want(f"desk{number}", 100.0 + number, 0.0)
+    assert len(trips._clocks) == MAX_ASKED
+    assert all(each.trips.maxlen == TRIPS for each in trips._clocks.values())
+    question = Message("r1", 1, 1, Kind.REPORT, 0.0, body={TIME: b"", WHOSE: "anna"})
+    assert sum(trips.replies(question, "anna", 0.0) for _ in range(1_000)) <= REPLIES_A_SECOND
+    assert not trips.replies(question, "bert", 10.0)

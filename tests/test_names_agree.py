@@ -59,17 +59,19 @@ class Shape:
 
 @dataclass(frozen=True)
 class Names:
-    """Of one sort of robots: its functions, and the dimensions of its variables, by key."""
+    """Of one sort of robots: its functions, and the dimensions of its variables, by key; its constants."""
 
     whose: str
     functions: dict[str, Shape]
     sensors: dict[str, Dimension]
     actuators: dict[str, Dimension]
+    constants: frozenset[str] = frozenset()
 
     @classmethod
     def of(cls, whose: str, model: RobotModel) -> Names:
         functions = {each.name.casefold(): Shape.of(each) for each in model.functions}
-        return cls(whose, functions, _dimensions(model.sensors), _dimensions(model.actuators))
+        constants = frozenset(each.name.casefold() for each in model.constants)
+        return cls(whose, functions, _dimensions(model.sensors), _dimensions(model.actuators), constants)
 
 
 def _dimensions(quantities: tuple[Quantity, ...]) -> dict[str, Dimension]:
@@ -138,7 +140,7 @@ def conflicts(one: Names, other: Names) -> Iterator[str]:
         apart = [key for key in mine.keys() & yours.keys() if mine[key] != yours[key]]
         yield from (f"{key} of {one.whose} and {other.whose} in other units" for key in apart)
     for mine, yours in ((one, other), (other, one)):
-        both = mine.functions.keys() & (yours.sensors.keys() | yours.actuators.keys())
+        both = mine.functions.keys() & (yours.sensors.keys() | yours.actuators.keys() | yours.constants)
         yield from (f"{key}: a function of {mine.whose}, a number of {yours.whose}" for key in both - OF_TURTLEBOTS)
 
 

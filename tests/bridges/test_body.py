@@ -85,6 +85,25 @@ def test_a_body_that_does_not_know_where_it_is_stands_if_it_has_a_fence(cart: Ca
     assert cart.told[-1].sort == "rest", "nothing old resumes"
 
 
+def test_what_hovers_rests_if_it_drifts_towards_its_fence_wherever_it_wants_to_go(clock: ManualClock) -> None:
+    names = ("drive_speed", "drive_turn", "drive_side", "drive_climb")
+    limits = Limits(1.0, 1.0, 2.0, fence=(-9.0, -1.0, 9.0, 1.0), climb=1.0, floor=0.0, ceiling=9.0)
+    model = replace(MODEL, actuators=tuple(map(Quantity, names)), limits=limits)
+
+    class Blown(Cart):
+        drift = 0.0
+
+        def drift_measured(self) -> tuple[float, float]:
+            return 0.0, self.drift
+
+    for x, drift, rests in ((0.0, 0.02, False), (0.0, 2.0, True), (0.0, -2.0, True), (8.95, 0.0, True)):
+        body = Blown(clock, model)
+        body.x, body.drift = x, drift
+        body.act(Setpoint(0.5, climb=0.5))
+        pass_time(body, clock, 0.1)
+        assert (body.complaints() == ["it is at rest: its fence is ahead"]) is rests, (x, drift)
+
+
 def test_who_sees_that_it_is_lost_or_found_has_been_told(clock: ManualClock) -> None:
     """A mind looks at any moment, from another thread."""
 

@@ -208,6 +208,9 @@ def test_a_take_off_that_is_refused_is_told_and_goes_no_further(refused: int, sa
     mind.go_on(3.0)
     assert rig.sensed()["height"] == 0.0, "nothing takes effect late"
     assert [each for each in rig.body.complaints() if not each.startswith("it does not follow")] == said
+    mind.say("(TAKEOFF 5m)")
+    mind.go_on(4.0)
+    assert rig.sensed()["height"] == pytest.approx(5.0, abs=0.3), "the same, said again"
 
 
 def test_a_take_off_in_the_air_comes_to_its_height_and_takes_nothing_from_a_pilot() -> None:
@@ -230,6 +233,17 @@ def test_a_take_off_in_the_air_comes_to_its_height_and_takes_nothing_from_a_pilo
             rig.vehicle_body.take_off(height)
     mind.go_on(1.0)
     assert rig.vehicle.mode == COPTER["ALT_HOLD"]
+
+
+def test_a_rule_that_takes_off_until_it_flies_orders_it_once() -> None:
+    rig = MavlinkRig("copter")
+    mind = Ticks(rig)
+    mind.go_on(1.2)
+    mind.say("(RULE up (WHEN (NOT flying) (TAKEOFF 5m)))")
+    mind.go_on(4.0)
+    assert rig.sensed()["height"] == pytest.approx(5.0, abs=0.3)
+    assert [number for number, _ in rig.vehicle.orders if number != 511] == [176, 400, 22]
+    assert rig.body.complaints() == []
 
 
 def test_its_old_names_mean_what_they_meant() -> None:

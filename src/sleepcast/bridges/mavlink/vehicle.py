@@ -368,7 +368,7 @@ class MavlinkVehicle(BridgedBody):
         known = self._sensed()
         if known.get("flying") == 1.0:  # where it is, since a vehicle that flies takes off no more
             self.move(Motion("goto", (known["x"], known["y"], wanted)))
-        else:
+        elif (self._motion.sort, self._motion.values) != ("takeoff", (wanted,)):  # a rule says it in every tick
             self.move(Motion("takeoff", (wanted,)))
 
     def touch_down(self) -> None:
@@ -417,6 +417,9 @@ class MavlinkVehicle(BridgedBody):
     def _fail(self, order: PendingCommand, sentence: str) -> None:
         """An order has come to nothing. sentence: with a place for its name."""
         others = [other.name for other in self._orders.end(order)]
+        with self._lock:
+            if order.command == TAKEOFF and self._motion.sort == "takeoff":
+                self._motion = REST
         if order.command != INTERVAL:
             after = f"; {' and '.join(others)}, asked for with it, {'is' if len(others) == 1 else 'are'} left out"
             self._say_once(sentence.format(order.name) + (after if others else ""))

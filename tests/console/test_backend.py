@@ -21,13 +21,13 @@ from sleepcast.console.features.preview import GetPreview
 from sleepcast.console.features.send import Send
 from sleepcast.console.features.why import Explained, ShownStep, Why
 from sleepcast.console.features.wink import Wink
-from sleepcast.console.outgoing import Failing, Obstacles
+from sleepcast.console.outgoing import Failing, Obstacles, Roll, WatchedRobot
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.units import value_in_words
 from sleepcast.language.vocabulary import MARKED
 from sleepcast.loop import Pace, Swarm
-from sleepcast.simulator import Wall
+from sleepcast.simulator import Simulator, Wall, read_scenario
 from sleepcast.station import FAULT, MATCHED, NO, NOT_MATCHED, SILENT, UNKNOWN, YES, DoubtError, SendPolicy, Station
 from sleepcast.station.sent import HELD_BY_STOP
 from sleepcast.station.validation import TEST_UNKNOWN
@@ -506,3 +506,23 @@ def test_answers_are_told_whatever_they_are(stand: Stand) -> None:
     sent = {text: stand.station.ask(text).id for text in texts}
     stand.run()
     assert {text: put(stand.desk, Replies, 1, number, [0]).texts[0] for text, number in sent.items()} == texts
+
+
+def test_a_page_learns_the_names_of_robots_that_come_and_go() -> None:
+    table = (
+        "hatch = true\n\n[robots.limits]\nspeed = 1\nturn_rate = 1\nacceleration = 1\n\n[robots.body]\nradius = 0.1\n"
+    )
+    world = 'format = 2\ntitle = "flock"\nseconds = 9\n\n[world]\nwidth = 9\nheight = 9\n\n'
+    swarm = Swarm(Simulator(read_scenario(f'{world}[robots]\ntype = "sheep"\ncount = 2\n{table}')))
+    swarm.desk = station = Station(swarm.vocabulary, swarm.minds, swarm.post, swarm)
+    view, clock = SwarmAdapter(swarm), ManualClock()
+    desk = Backend(view, station, Driver(view, Pace(clock, swarm, 1.0), clock), clock)
+    assert not [each for each in desk.news(0) if isinstance(each, Roll)]
+    swarm.minds["sheep1"].evaluate("(PROGN (HATCH sheep 1) (DIE))")
+    swarm.step()
+    news = [*desk.news(0)]  # which looks at the robot that is gone
+    assert [each.names[:4] for each in news if isinstance(each, Roll)] == [("", "sheep2", "sheep3", "")]
+    assert not [each for each in news if isinstance(each, WatchedRobot)]
+    assert desk.hello().scene.names[:3] == ("", "sheep2", "sheep3")
+    with pytest.raises(MisuseError, match="is gone"):
+        desk.name_of(0)

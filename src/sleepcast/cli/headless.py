@@ -44,7 +44,7 @@ class FinishedRun:
     def to_dict(self) -> dict[str, object]:
         """The outcome for scripts. Names with wall, realtime and per_second are of this computer; the rest repeats."""
         simulator = self.swarm.simulator
-        robots, ticks, tick = len(simulator.names), simulator.tick - self.first, simulator.scenario.tick
+        robots, ticks, tick = int(simulator.there.sum()), simulator.tick - self.first, simulator.scenario.tick
         return {
             "scenario": simulator.scenario.name,
             "seed": simulator.seed,

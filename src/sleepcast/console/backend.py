@@ -87,7 +87,7 @@ class Backend:
         if mission is not None:
             mission.hold = self.hold
         self.swarm, self.station, self.clock = swarm, station, clock
-        self.began = began
+        self.began, self._first_names = began, swarm.scene.names
         desks: list[Station] = getattr(swarm, "desks", None) or [station]
         self._desks = {desk.operator: desk for desk in desks}
         self.accounts = AccountTable(station, swarm, began, desks[1:])
@@ -293,6 +293,8 @@ class Backend:
         names = self.swarm.scene.names
         if not 0 <= robot < len(names):
             raise MisuseError(f"there is no robot number {robot}: they are numbered from 0 to {len(names) - 1}")
+        if not names[robot]:
+            raise MisuseError(f"the robot that was number {robot} on the map is gone.")
         return names[robot]
 
     # ---- unasked
@@ -311,11 +313,14 @@ class Backend:
         if obstacles is not None:
             editor = self.swarm.editor
             yield outgoing.Obstacles(obstacles, editor.version if editor else None)
+        names = self.swarm.scene.names
+        if names is not self._first_names:
+            yield outgoing.Roll(names)
         yield self.plots.shown()
         yield self._safety()
         self.alerts.look()  # while time stands still there are no pictures
         yield self.alerts.shown()
-        if 0 <= watched < len(self.swarm.scene.names):
+        if 0 <= watched < len(names) and names[watched]:
             yield self._robot(watched)
 
     def _safety(self) -> outgoing.Safety:

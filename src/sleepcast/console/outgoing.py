@@ -82,6 +82,12 @@ class Obstacles(DeskMessage):
     version: int | None = None
 
 
+class Roll(DeskMessage):
+    """The names of the robots now, where they come and go: by their places, "" where there is none."""
+
+    names: tuple[str, ...]
+
+
 class ShownFinding(msgspec.Struct, frozen=True):
     """Something wrong or doubtful at start..end of a text; shown: with the line and carets."""
 

@@ -118,6 +118,10 @@ def checked(task: Task) -> CheckedTask:
     with task.start(0) as fleet:  # with a seed, as every episode
         scenario = fleet.swarm.simulator.scenario
         seconds = scenario.seconds if task.seconds is None else in_seconds(task.seconds, "seconds")
+        if fleet.swarm.simulator.population is not None:
+            raise MisuseError(
+                f"{scenario.name}: robots come and go (hatch = true), and an environment has always as many"
+            )
         if not isfinite(seconds) or not scenario.tick <= seconds <= MAX_STEPS * scenario.tick:
             raise MisuseError(f"seconds {seconds}: wanted from {scenario.tick} to {MAX_STEPS * scenario.tick}")
         sees, swarm = False, fleet.swarm

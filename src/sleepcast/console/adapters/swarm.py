@@ -50,12 +50,21 @@ class SwarmAdapter:
         self.map_picture = existing(map_picture or scenario.picture)
         now = replace(scenario, shapes=tuple(world.shapes.values()), picture=self.map_picture)
         self.editor = editor_of(swarm.simulator)
-        scene = scene_of(now, tuple(swarm.simulator.names))
-        self.scene = msgspec.structs.replace(scene, version=self.editor.version if self.editor else None)
+        self._names = swarm.simulator.names
+        scene = scene_of(now, tuple(self._names))
+        self._scene = msgspec.structs.replace(scene, version=self.editor.version if self.editor else None)
         self.picture: Picture | None = None if self.map_picture is None else self.map_picture.png
         self._fields = FieldPictures(swarm.simulator)
         self.minds = swarm.fleet
         self.vocabulary: Vocabulary = swarm.vocabulary
+
+    @property
+    def scene(self) -> Scene:
+        """What there is to see, with the robots that there are now."""
+        if self._names is not self._swarm.simulator.names:
+            self._names = self._swarm.simulator.names
+            self._scene = msgspec.structs.replace(self._scene, names=tuple(self._names))
+        return self._scene
 
     @property
     def desks(self) -> list[Station]:

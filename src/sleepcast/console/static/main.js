@@ -67,6 +67,7 @@ wire.addEventListener("obstacles", ({ detail }) => {
   obstacles.renew();
 });
 
+wire.addEventListener("roll", ({ detail }) => world.setNames(detail.names));
 wire.addEventListener("robot", ({ detail }) => robot.show(detail, world.frame ? world.lookOf(detail.robot) : null));
 wire.addEventListener("refused", ({ detail }) => panes.refused(detail.reason));
 

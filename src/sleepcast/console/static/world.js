@@ -85,6 +85,11 @@ export class World extends EventTarget {
     this.repaint("ground", "trails", "robots");
   }
 
+  // The names of the robots now, where they come and go.
+  setNames(names) {
+    if (this.scene) this.scene.names = names;
+  }
+
   // version: of the obstacles, where they may be changed.
   setObstacles(obstacles, version) {
     if (!this.scene) return;

@@ -357,7 +357,7 @@ class Bodies:
             for row, use in zip(part.stores, part.uses, strict=True):
                 if use:
                     exhausted[which] |= row <= 0.0
-        return exhausted
+        return exhausted if self.population is None else exhausted & self.population.present
 
     def say(self, saying: Saying) -> None:
         """Keep what a robot has spoken."""

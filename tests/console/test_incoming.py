@@ -22,6 +22,7 @@ GOOD = {
     "removealert": {"serial": 1, "alert": 1},
     "fired": {"serial": 1, "firing": 2},
     "wink": {"serial": 1, "robot": 3},
+    "cancel": {"serial": 1, "by": "anna"},
     "send": {"serial": 1, "text": "(MARK)", "everybody": True},
     "halt": {},
     "lease": {"serial": 1, "deed": "take", "group": "bravo", "seconds": 30.0},

@@ -98,3 +98,15 @@ def test_what_is_sent_while_time_stands_still_waits(running: Page) -> None:
     running.keyboard.press("Control+Space")
     expect(running.locator(first(running, ".held-up"))).to_have_text("")
     expect(running.locator(first(running, ".silent"))).to_have_text("0")
+
+
+def test_what_waits_for_its_instant_counts_down_and_can_be_called_off(running: Page) -> None:
+    running.locator("#text").fill("(AFTER-ISSUE 1h (WHEN (> battery 50%) (MARK)))")
+    running.locator("#text").press("Enter")
+    row = running.locator("#commands tr", has_text="AFTER-ISSUE").first
+    expect(row.locator(".countdown span")).to_have_text(re.compile(r"^20 waiting, at 1:\d\d:\d\d, in 0:5\d:\d\d$"))
+    expect(row.locator(".silent")).to_have_text("0")
+    row.get_by_role("button", name="Cancel").click()
+    expect(row.locator(".countdown")).to_be_hidden()
+    expect(row.locator(".fault")).to_have_text("20")
+    expect(running.locator(first(running, "code"))).to_have_text("(CANCEL)")

@@ -42,6 +42,8 @@ class CommandRow(msgspec.Struct, frozen=True):
     moving: those that have accepted STOP and are not at rest yet
     by: the operator who has sent it, "" where nobody is named
     bids: how an auction stands, in words, "" for a command that chooses nobody
+    pending: those that wait for the instant of the command
+    instant: when that is, in simulated s, None for a command that waits for nothing
     """
 
     id: str
@@ -64,6 +66,8 @@ class CommandRow(msgspec.Struct, frozen=True):
     moving: int = 0
     by: str = ""
     bids: str = ""
+    pending: int = 0
+    instant: float | None = None
 
 
 State = tuple[int, int, int, int, str, tuple[ShownFailing, ...]]
@@ -148,6 +152,8 @@ class AccountTable:
             0 if account.rest is None else account.rest.n_stopping,
             command.message.sender if self._others else "",
             "" if account.auction is None else account.auction.sentence(),
+            account.n_waiting,
+            None if account.instant is None else account.instant - self._began,
         )
 
     def outcomes(self, command: str, time: float) -> bytes:

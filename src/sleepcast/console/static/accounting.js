@@ -12,6 +12,7 @@ export class Accounting extends EventTarget {
     this.rows = new Map(); // by id: {row, line}
     this.chosen = "";
     this.picked = ""; // the same if a person has chosen it, not only sent it
+    this.time = 0; // of the picture
     this.wanted = ""; // the command whose line is to be brought into sight as soon as it is there
     root.querySelector("#commands").addEventListener("click", (event) => {
       const line = event.target.closest("tr");
@@ -56,6 +57,7 @@ export class Accounting extends EventTarget {
       });
       entry.line.classList.toggle("held", row.held > 0 || row.moving > 0);
       entry.line.querySelector(".held-up").textContent = heldUp(row);
+      this.countDown(entry);
       this.fail(entry.line, row.failing);
       if (row.kind === "ask") entry.line.querySelector(".values").textContent = row.values;
     }
@@ -67,9 +69,40 @@ export class Accounting extends EventTarget {
     this.root.querySelector("#no-commands").hidden = rows.length > 0;
     this.root.querySelector("#account").hidden = rows.length === 0;
     const now = this.get(this.chosen);
-    if (before && now && [...OUTCOMES, "held", "not_stored", "moving", "waiting", "bids"].some((what) => before[what] !== now[what])) this.changed("counted");
+    if (before && now && [...OUTCOMES, "held", "not_stored", "moving", "waiting", "bids", "pending"].some((what) => before[what] !== now[what])) this.changed("counted");
     if (!now && this.chosen) this.choose("");
     if (this.rows.has(this.wanted)) this.bring(this.wanted);
+  }
+
+  // What a command that waits shows below its text: how many robots wait and for how long, and a way to call it off.
+  countdown(row) {
+    const line = Object.assign(document.createElement("div"), { className: "countdown", hidden: true });
+    const left = Object.assign(document.createElement("span"), { role: "timer" });
+    const button = Object.assign(document.createElement("button"), { type: "button", textContent: "Cancel" });
+    button.title = "Discards all commands of this sender that wait";
+    button.onclick = (event) => {
+      event.stopPropagation(); // the line is not chosen by that
+      this.dispatchEvent(new CustomEvent("cancel", { detail: row.by }));
+    };
+    line.append(left, button);
+    return line;
+  }
+
+  countDown({ row, line }) {
+    const shown = line.querySelector(".countdown");
+    if (!shown) return;
+    shown.hidden = !row.pending;
+    const left = Math.ceil(row.instant - this.time);
+    const when = left > 0 ? `at ${clock(row.instant)}, in ${left < 60 ? `${left} s` : clock(left)}` : `since ${clock(row.instant)}`;
+    const text = `${row.pending.toLocaleString("en")} waiting, ${when}`;
+    if (shown.firstChild.textContent !== text) shown.firstChild.textContent = text;
+    shown.lastChild.hidden = left <= 0;
+  }
+
+  // Time has gone on to so many s.
+  tick(time) {
+    this.time = time;
+    for (const entry of this.rows.values()) this.countDown(entry);
   }
 
   // Scroll the line of a command that was sent here into sight, and no farther; the keyboard stays where it is.
@@ -93,6 +126,7 @@ export class Accounting extends EventTarget {
     text.className = "text";
     const heldUp = Object.assign(document.createElement("div"), { className: "held-up" });
     text.append(time, ...byOf(row), ...sortOf(row), code, heldUp);
+    if (typeof row.instant === "number") text.append(this.countdown(row));
     for (const outcome of OUTCOMES) line.insertCell().className = `count ${outcome.replace("_", "-")}`;
     if (row.kind === "ask") line.insertCell().className = "values";
     for (const cell of line.cells) cell.setAttribute("role", "cell");

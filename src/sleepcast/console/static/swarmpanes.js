@@ -119,6 +119,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
 
   function show(frame) {
     timeline.show(frame.time);
+    accounting.tick(frame.time);
     senses.ask();
     sight.ask();
     field.ask();
@@ -245,6 +246,14 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
     if (robot.picked) robot.askWhy(); // a person has picked which, perhaps another one than this
     else robot.about(detail);
     if (!foretelling && !litElsewhere()) lightChosen();
+  });
+
+  accounting.addEventListener("cancel", async ({ detail }) => {
+    try {
+      await wire.ask("cancel", detail ? { by: detail } : {});
+    } catch (error) {
+      refused(error);
+    }
   });
 
   accounting.addEventListener("failing", ({ detail }) => failing.choose(detail));

@@ -92,6 +92,11 @@ def test_a_person_is_told_who_was_chosen_and_who_was_outbid_by_whom(on_air: Call
     assert "would bid 2: r1, r2; cannot say 0; would not 10; 1 at most will obey" in told_of.err
     quorum = again_until(lambda found: "silent 0" in found.out, lambda: on_air("send", "(QUORUM 5 8 (< id 3) (MARK))"))
     assert "wanted 5: nobody was chosen" in quorum.out
+    assert "outbid" not in quorum.out
+    unsure = again_until(
+        lambda found: "silent 0" in found.out, lambda: on_air("send", "(BEST 1 UNKNOWN (< id 3) (MARK))")
+    )
+    assert "test or cost unknown 2: r1, r2" in unsure.out
 
 
 def test_a_person_is_asked_about_what_is_hardly_meant(dozen: str) -> None:

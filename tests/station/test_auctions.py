@@ -212,6 +212,8 @@ def test_nobody_begins_without_a_quorum_and_the_account_says_so() -> None:
     assert (account.n_matched, account.n_not_matched, account.n_silent) == (0, 6, 0)
     assert not status_of(desk, sent).started
     assert "4 bids, wanted 5: nobody was chosen" in account.sentence()
+    assert status_of(desk, sent).outbid() == {}
+    assert told(scene, "r2", sent).render().endswith("it accepted, and nobody was chosen")
     _, account = ended(scene, desk, "(QUORUM 3 4 (> id 0) (JOIN red))")
     assert members(scene) == ["r1", "r2", "r3", "r4"]
     assert "5 bids; chosen r1, r2, r3, r4" in account.sentence()

@@ -139,9 +139,11 @@ def account_lines(command: Command, account: Account, vocabulary: Vocabulary | N
         if account.auction is not None:
             yield f"  {printable(account.auction.sentence())}"
             for by, names in [*account.auction.outbid_by().items()][:FEW]:
-                yield f"  {listed('outbid', names)} by {printable(', '.join(by))}"
+                outbid = f" by {printable(', '.join(by))}"
+                yield f"  {listed('outbid', names)}{outbid}" if by else f"  {listed('too late', names)}"
         if account.n_unknown:
-            yield f"  {listed('test unknown', account.unknown)}"
+            what = "test unknown" if account.auction is None else "test or cost unknown"
+            yield f"  {listed(what, account.unknown)}"
         if account.n_waiting:
             yield f"  {listed('waiting', account.waiting)}"
         elif account.bound == account.bound:

@@ -102,6 +102,8 @@ class BidState(StrEnum):
     DECLINED = "declined"
     """It was granted, and the robot did not obey."""
     OUTBID = "outbid"
+    UNCHOSEN = "unchosen"
+    """Nobody was chosen, since too few have bid."""
     UNHEARD = "unheard"
     """Nobody has granted it in time."""
     WITHDRAWN = "withdrawn"
@@ -118,6 +120,7 @@ _AFTER = {
     BidState.LEFT: ("obeyed", "was one of those who were chosen, and has left since"),
     BidState.DECLINED: ("did not obey", "was chosen, and did not obey then"),
     BidState.OUTBID: ("was outbid", "and others were chosen"),
+    BidState.UNCHOSEN: ("was not chosen", "and nobody was chosen"),
     BidState.UNHEARD: ("was not chosen", "and nobody chose it in time"),
     BidState.WITHDRAWN: ("did not bid", "and not when it was asked again"),
     BidState.STOPPED: ("was not chosen", "and STOP ended that"),

@@ -229,7 +229,7 @@ class Bid(msgspec.Struct):
             return self.phase is BidPhase.BIDDING and now <= self.until and now + USEFUL < self.lease_ends
         if self.phase is BidPhase.BIDDING and beat is None and not grants.is_open:
             self.outbid = tuple(grants.granted)
-            self.leave(BidState.OUTBID)
+            self.leave(BidState.OUTBID if grants.granted else BidState.UNCHOSEN)
         return False
 
     def renew(self, auction: Auction, cost: float, until: float) -> None:
@@ -333,7 +333,10 @@ class AuctionStatus(NamedTuple):
     over: bool
 
     def outbid(self) -> dict[str, tuple[str, ...]]:
-        """Those whose bid was heard and not chosen, each with who was chosen before it."""
+        """Those whose bid was heard and not chosen, each with who was chosen before it: nobody where a better bid came
+        too late."""
+        if not self.chosen:
+            return {}
         ranks = {name: rank(cost, name) for name, cost in self.bids.items()}
         left = sorted((name for name in ranks if name not in self.chosen), key=ranks.__getitem__)
         return {name: tuple(each for each in self.chosen if ranks[each] < ranks[name]) for name in left}

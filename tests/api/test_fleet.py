@@ -137,6 +137,13 @@ class TestCommands:
             ("unknown", ()),
         ]
 
+    def test_a_cancel_ends_what_its_sender_has_granted(self) -> None:
+        fleet = bravo()
+        fleet.send("(BEST 3 id TRUE (JOIN b))", everybody=True, wait=6)
+        cancelled = fleet.send("(WHEN (< id 3) (CANCEL))", wait=6)
+        assert (cancelled.values["scout1"], cancelled.values["scout2"]) == (1.0, 1.0)
+        assert fleet.run(1).groups["b"] == ("scout3",)
+
     def test_it_says_that_stop_held_it(self) -> None:
         fleet = bravo()
         fleet.stop()

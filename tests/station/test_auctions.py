@@ -159,6 +159,21 @@ def test_stop_ends_every_bid_and_grant_and_release_brings_none_back(who: str) ->
     assert members(scene) == members(scene, "blue") == []
 
 
+def test_a_cancel_ends_the_bids_and_grants_of_its_sender() -> None:
+    scene = Scene(robots=4)
+    desk, other = scene.desk(), scene.desk("anna")
+    ended(scene, desk, "(BEST 2 x TRUE (JOIN red))")
+    ended(scene, other, "(BEST 2 x TRUE (JOIN blue))")
+    sent = desk.send("(BEST 2 x TRUE (JOIN green))", confirmed=True)
+    scene.run(0.5)
+    cancel = desk.send("(WHEN (< x 3) (CANCEL))", confirmed=True)
+    scene.run(3.0)
+    assert desk.accounting(cancel.id).answers["r0"].value == 2.0
+    assert (members(scene), members(scene, "blue"), members(scene, "green")) == ([], ["r0", "r1"], ["r3"])
+    assert set(desk.accounting(sent.id).faults.values()) == {"CANCEL has ended its bid"}
+    assert told(scene, "r0", sent).render().endswith("it bid 0, and CANCEL ended that")
+
+
 def test_nobody_waits_for_the_deadline_of_what_stop_has_ended() -> None:
     scene = Scene(robots=3)
     desk = scene.desk()

@@ -16,7 +16,7 @@ import numpy as np
 from sleepcast.channel.message import GRANTS, UNKNOWN, Kind, Message
 from sleepcast.channel.message_batch import AnswerColumns, PlainBodies
 from sleepcast.columns.machine import evaluate
-from sleepcast.columns.values import Index, Mask, Rows
+from sleepcast.columns.values import Column, Index, Mask, Rows
 from sleepcast.core.serial import SerialError
 from sleepcast.fleet.authority import FleetAuthority
 from sleepcast.fleet.memory import FleetMemory
@@ -126,10 +126,19 @@ class FleetBids:
             self._memory.outbox.say(Kind.REQUEST, Rows.of(np.array([*said], np.intp)), PlainBodies(bodies))
             said = {robot: each for robot, each in said.items() if each}
 
+    def cancel(self, rows: Rows, sender: str) -> Column:
+        """See `Bidding.cancel`."""
+        counts = np.zeros(rows.size)
+        for at, robot in enumerate(rows.robots.tolist() if self._of else ()):
+            if robot in self._of:
+                counts[at] = self._of[robot].cancel(sender)
+        return counts
+
     def turn_over(self, changed: Index) -> None:
         """Other robots, or none, are in these rows from now on, which have bid for nothing and choose nobody."""
-        for robot in changed.tolist() if self._of or self._calls else ():
+        for robot in changed.tolist() if self._of or self._ended or self._calls else ():
             self._of.pop(robot, None)
+            self._ended.pop(robot, None)
             self._calls.pop(robot, None)
 
     def tick(self, rows: Rows, now: float) -> None:

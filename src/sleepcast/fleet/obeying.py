@@ -183,7 +183,8 @@ class Obeying:
     def _evaluated(self, message: Message, program: Program, rows: Rows, now: float) -> Evaluated:
         """Evaluate a command, or what stands for it, for whom it comes from."""
         memory, driver = self._memory, driver_of(message)
-        memory.cancel = lambda some: self.timing.cancel(some, message.sender)
+        sender = message.sender
+        memory.cancel = lambda some: self.timing.cancel(some, sender) + self.bids.cancel(some, sender)
         memory.hops, memory.barred = (
             hops_left(message.body, message.role, MAX_HOPS),
             bars(message, self._authority.tells),

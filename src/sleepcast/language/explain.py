@@ -109,6 +109,7 @@ class BidState(StrEnum):
     WITHDRAWN = "withdrawn"
     """The poll was told again, and its test was not true any more, or its cost unknown."""
     STOPPED = "stopped"
+    CANCELLED = "cancelled"
     UNKNOWN = "unknown"
     """The robot did not bid, since its cost was unknown."""
 
@@ -124,6 +125,7 @@ _AFTER = {
     BidState.UNHEARD: ("was not chosen", "and nobody chose it in time"),
     BidState.WITHDRAWN: ("did not bid", "and not when it was asked again"),
     BidState.STOPPED: ("was not chosen", "and STOP ended that"),
+    BidState.CANCELLED: ("was not chosen", "and CANCEL ended that"),
     BidState.UNKNOWN: ("did not bid", ""),
 }
 """Each state as a verdict, and as what is said after the bid."""

@@ -31,6 +31,7 @@ MAX_ENDED = 64
 """Bids that are over of which a robot can tell, as many as commands that it can explain."""
 TOO_MANY = f"it bids for {MAX_BIDS} commands at once, {MAX_OF_ONE} of one sender: no more"
 STOPPED = "STOP has ended its bid"
+CANCELLED = "CANCEL has ended its bid"
 HELD_STILL = "it is held still, so it does not bid"
 
 
@@ -166,6 +167,13 @@ class Bidding:
         for each in self._open:
             each.bid.leave(BidState.STOPPED)
 
+    def cancel(self, sender: str) -> int:
+        """Who has called for them does not want these bids and memberships any more; gives how many there were."""
+        ended = [each for each in self._open if each.poll.sender == sender and each.bid.phase is not BidPhase.OUT]
+        for each in ended:
+            each.bid.leave(BidState.CANCELLED)
+        return len(ended)
+
     def poll(self, robot: Evaluating, message: Message, auction: Auction, now: float) -> None:
         """Bid for a command, or answer why not."""
         if refusal := self.refusal(message, held_still=robot.is_held_still):
@@ -269,8 +277,8 @@ class Bidding:
         each.endings = ()
         if not each.answered:
             each.answered = True
-            if self._stopped:
-                robot.answer(each.poll, "fault", float("nan"), STOPPED, {})
+            if self._stopped or each.bid.state is BidState.CANCELLED:
+                robot.answer(each.poll, "fault", float("nan"), STOPPED if self._stopped else CANCELLED, {})
             else:
                 robot.answer(each.poll, "not matched", float("nan"), "", {OUTBID: list(each.bid.outbid)})
 

@@ -677,7 +677,8 @@ class Node:
         self.say(Kind.COMMAND, text=text, deadline=self._now + TELL_SECONDS, body=body)
 
     def _cancel(self) -> float:
-        return self.timing.cancel(self._sender)
+        bids = 0 if self.auctions is None else self.auctions.bidding.cancel(self._sender)
+        return self.timing.cancel(self._sender) + bids
 
     def _ping(self, caste: float) -> None:
         if len(self.pings) < MAX_OUTBOX:

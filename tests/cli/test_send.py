@@ -99,6 +99,21 @@ def test_a_person_is_told_who_was_chosen_and_who_was_outbid_by_whom(on_air: Call
     assert "test or cost unknown 2: r1, r2" in unsure.out
 
 
+def test_robots_wait_for_an_instant_and_a_script_is_told_within_which_bound_they_obeyed(dozen: str) -> None:
+    found = again_until(
+        lambda told: told["n_matched"] == 3 and not told["n_waiting"],
+        lambda: account(dozen, "send", "(AFTER-ISSUE 2s (WHEN (< id 4) (MARK)))"),
+    )
+    assert (found["matched"], found["n_not_matched"]) == (["r1", "r2", "r3"], 9)
+    assert 0.0 < found["bound"]
+
+
+def test_a_time_of_day_that_is_none_is_refused(on_air: Callable[..., Called]) -> None:
+    refused = on_air("send", "--all", "--at", "25:00", "(MARK)")
+    assert refused.status == 2
+    assert "wanted hours, minutes and seconds, such as 12:30:05" in refused.err
+
+
 def test_a_person_is_asked_about_what_is_hardly_meant(dozen: str) -> None:
     with terminal(["send", DOUBTED, "--count", "12", "--channel", dozen], Path.home()) as person:
         person.wait_for("did you mean (AND (> id 0) (> id 6))?")

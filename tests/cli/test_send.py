@@ -105,7 +105,7 @@ def test_robots_wait_for_an_instant_and_a_script_is_told_within_which_bound_they
         lambda: account(dozen, "send", "(AFTER-ISSUE 2s (WHEN (< id 4) (MARK)))"),
     )
     assert (found["matched"], found["n_not_matched"]) == (["r1", "r2", "r3"], 9)
-    assert 0.0 < found["bound"]
+    assert found["bound"] > 0.0
 
 
 def test_a_time_of_day_that_is_none_is_refused(on_air: Callable[..., Called]) -> None:

@@ -160,6 +160,19 @@ def test_a_caller_remembers_so_many_bids_and_robots_that_are_gone_and_all_who_we
     assert list(grants.granted) == ["r0", "r1"]
 
 
+def test_a_member_that_looks_seldom_leaves_before_its_place_is_given_to_another() -> None:
+    mine = bid()
+    said = mine.say(1.0)
+    assert said is not None
+    assert mine.hear(granting("r1", said.beat), 1, 1.0)
+    mine.settle(True)
+    mine.tick(1.0)
+    mine.tick(2.7)
+    assert mine.phase is BidPhase.MEMBER
+    mine.tick(4.4)  # at the next look, at 6.1 s, its place may be another's
+    assert mine.phase is BidPhase.OUT
+
+
 def test_a_member_leaves_by_itself_when_its_lease_is_not_renewed() -> None:
     mine = bid()
     said = mine.say(0.1)
@@ -172,7 +185,8 @@ def test_a_member_leaves_by_itself_when_its_lease_is_not_renewed() -> None:
     mine.tick(4.0)
     assert mine.phase is BidPhase.MEMBER
     assert not mine.hear(granting("r1", renewed.beat), 2, 4.0)
-    mine.tick(5.9)
+    for now in (4.5, 5.0, 5.5, 5.9):
+        mine.tick(now)
     assert mine.phase is BidPhase.MEMBER
     mine.tick(6.0)  # four seconds after it sent what was granted, not after it heard the grant
     assert mine.phase is BidPhase.OUT

@@ -200,6 +200,8 @@ class Bid(msgspec.Struct):
     placed: tuple[str, ...] = ()
     farewells: int = FAREWELLS
     state: BidState = BidState.WAITING
+    ticked: float = inf
+    """When it was last looked whether the lease had ended."""
 
     def __post_init__(self) -> None:
         if self.beat < 0:
@@ -250,8 +252,11 @@ class Bid(msgspec.Struct):
         self.phase = BidPhase.OUT
 
     def tick(self, now: float) -> None:
-        """Leave if that is due: the lease has ended, or nobody has chosen this robot in time."""
-        over = now >= self.lease_ends if self.phase is BidPhase.MEMBER else now > self.until
+        """Leave if that is due: the lease has ended, or will have ended for too long at the next look if that comes as
+        late as this one; or nobody has chosen this robot in time."""
+        again, self.ticked = now + max(0.0, now - self.ticked), now
+        is_leased = now < self.lease_ends and again <= self.lease_ends + LATE
+        over = not is_leased if self.phase is BidPhase.MEMBER else now > self.until
         if over:
             self.leave(BidState.UNHEARD)
 

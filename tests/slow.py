@@ -145,6 +145,7 @@ SLOW = {
     "scenarios/test_shepherding.py": 2,
     "scenarios/test_society.py": 2,
     "scenarios/test_thresholds.py": 2,
+    "scenarios/test_wolves_and_sheep.py": 2,
     "sentences/test_sentences.py": 2,
     "simulator/recording/test_recording.py": 2,
     "simulator/sonar/test_firing.py": 2,

@@ -9,6 +9,7 @@ inspection    telemetry, previews, explanations                 queries      exp
 failing       rules that fail, and where                        native/      native code for rules, through LLVM
 schema        the serialized state                              snapshot     saving and restoring it
 marks         groups and flags of each robot, for pictures
+population    what becomes of minds when robots come and go
 fleet         takes messages and readings, runs ticks; maps robots' names to views of their minds
 
 Tables of many robots, and programs on them, are in the room `columns`.

@@ -8,7 +8,6 @@ from sleepcast.cli.standard_memory import StandardMemory
 from sleepcast.language import check
 from sleepcast.language.functions import BUILT_IN, EXAMPLES
 
-
 SENT = {"AFTER-ISSUE"}
 """What counts from the issue of a message, so that it is a fault by itself."""
 

@@ -8,6 +8,7 @@ import sleepcast as sc
 from sleepcast.core.settings import SettingsError
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Simulator, read_scenario
+from sleepcast.simulator.bodies import predation
 
 FIELD = """
 format = 2
@@ -148,6 +149,17 @@ def test_who_goes_by_itself_neither_eats_nor_is_eaten_and_young_come_before_thei
     swarm = field()
     asks(swarm, sheep1="(DIE)", wolf1="(PROGN (EAT 2m 1) (DIE))", sheep2="(HATCH sheep 1)", wolf2="(EAT 2m 1)")
     assert left(swarm) == EVERYBODY - {"sheep1", "wolf1", "sheep2"} | {"sheep9"}
+
+
+def test_in_small_blocks_the_same_are_eaten_by_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    results = set()
+    for pairs in (1, predation.MAX_PAIRS):
+        monkeypatch.setattr(predation, "MAX_PAIRS", pairs)
+        swarm = field()
+        swarm.fleet.evaluate("(EAT 1.5m)", swarm.fleet.state.everybody())
+        swarm.step()
+        results.add((swarm.simulator.state_hash(), *swarm.fleet))
+    assert len(results) == 1
 
 
 def test_one_at_a_time_and_all_at_once_come_to_the_same() -> None:

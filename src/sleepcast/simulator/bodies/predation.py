@@ -8,6 +8,7 @@ nor on the rows in which they are kept.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
 from math import ceil
 from typing import Any
@@ -21,8 +22,11 @@ from sleepcast.simulator.bodies.bodies import Bodies, Flags, Floats, Whole
 from sleepcast.simulator.bodies.body import Body, BodySenses
 from sleepcast.simulator.bodies.range_and_bearing import COLOUR, RangeAndBearing
 from sleepcast.simulator.scenario.predation import EATEN, PredationModel
-from sleepcast.simulator.world.grid import Sorted, pairs, sort
-from sleepcast.simulator.world.torus import cells_over
+from sleepcast.simulator.world.grid import Sorted, candidates, pairs, sort
+from sleepcast.simulator.world.torus import Images, cells_over
+
+MAX_PAIRS = 1 << 20
+"""Pairs of robots that are looked at together: some hundred megabytes."""
 
 
 class Predation:
@@ -51,26 +55,38 @@ class Predation:
 
     def settle(self, alive: Flags) -> Whole:
         """The end of a tick: who is eaten, rows. alive: who is there and stays, so that it eats and can be eaten."""
-        hunters = np.flatnonzero((self._within > 0.0) & alive & ~self._bodies.stopped)
+        bodies = self._bodies
+        hunters = np.flatnonzero((self._within > 0.0) & alive & ~bodies.stopped)
         self._eaten[:] = 0.0
-        fed: set[int] = set()
-        caught: dict[int, None] = {}
-        for hunter, prey in zip(*self._within_reach(hunters, alive), strict=True) if hunters.size else ():
+        if not hunters.size:
+            return hunters
+        turn = uniform(key(bodies.seed, "eats", bodies.tick), bodies.numbers[hunters])
+        fed: dict[int, int] = {}
+        caught: set[int] = set()
+        for hunter, prey in self._within_reach(hunters[np.argsort(turn)], alive):
             if hunter not in fed and prey not in caught:
-                fed.add(hunter)
-                caught[prey] = None
-        self._eaten[list(fed)] = 1.0
+                fed[hunter] = prey
+                caught.add(prey)
+        self._eaten[[*fed]] = 1.0
         self._within[:] = 0.0
-        return np.array(list(caught), np.intp)
+        return np.array([*fed.values()], np.intp)
 
-    def _within_reach(self, hunters: Whole, alive: Flags) -> tuple[list[int], list[int]]:
-        """Each of these robots with all that it can eat, the nearest first; robots as their turns come."""
+    def _within_reach(self, hunters: Whole, alive: Flags) -> Iterator[tuple[int, int]]:
+        """Each of these robots, in this order, with all that it can eat, the nearest first."""
         bodies, grid = self._bodies, self._cells.grid
         images = self._cells.images(bodies.x, bodies.y)
         prey = np.flatnonzero(alive[images.of])
         points = sort(grid, images.x[prey], images.y[prey])
         points = Sorted(prey[points.order].astype(np.int32), points.start)
-        hunter, prey = pairs(grid, points, images.x, images.y, self._most, hunters)
+        chances = candidates(grid, points, images.x[hunters], images.y[hunters], self._most)
+        block = np.cumsum(chances) // MAX_PAIRS
+        for some in np.split(hunters, np.flatnonzero(np.diff(block)) + 1):
+            yield from self._block(some, points, images)
+
+    def _block(self, hunters: Whole, points: Sorted, images: Images) -> Iterator[tuple[int, int]]:
+        """The same for one block of hunters. points: all prey, by cell."""
+        bodies = self._bodies
+        hunter, prey = pairs(self._cells.grid, points, images.x, images.y, self._most, hunters)
         away = (images.x[prey] - images.x[hunter]) ** 2 + (images.y[prey] - images.y[hunter]) ** 2
         prey = images.whose(prey)
         wanted = self._colour[hunter]
@@ -82,9 +98,10 @@ class Predation:
             some = np.flatnonzero(fits)
             fits[some] = ~bodies.sight.behind_walls(hunter[some], bodies.x[prey[some]], bodies.y[prey[some]])
         hunter, prey, away = hunter[fits], prey[fits], away[fits]
-        turn = uniform(key(bodies.seed, "eats", bodies.tick), bodies.numbers)
-        order = np.lexsort((bodies.numbers[prey], away, turn[hunter]))
-        return hunter[order].tolist(), prey[order].tolist()
+        rank = np.empty(bodies.count, np.intp)
+        rank[hunters] = np.arange(hunters.size)
+        order = np.lexsort((bodies.numbers[prey], away, rank[hunter]))
+        return zip(hunter[order].tolist(), prey[order].tolist(), strict=True)
 
 
 def predation_functions(model: PredationModel | None) -> tuple[HostFunction, ...]:

@@ -252,6 +252,22 @@ def test_states_are_thinned_by_their_age() -> None:
     assert len(states) == 50
 
 
+def test_marks_tell_how_many_were_born_and_have_gone_since_the_last_one() -> None:
+    marks = Marks()
+    marks.names(1.0, ("wolf1", "", ""))
+    marks.names(2.0, ("wolf1", "wolf2", "wolf3"))
+    marks.names(2.1, ("", "wolf2", "wolf3"))
+    marks.names(2.2, ("wolf4", "", "wolf3"))
+    marks.names(2.3, ("wolf4", "wolf5", ""))
+    marks.names(9.0, ("wolf4", "wolf5", ""))
+    assert [(mark.at, mark.kind, mark.text) for mark in marks.all] == [
+        (2.0, "birth", "2 robots born"),
+        (2.1, "death", "1 robot gone"),
+        (2.3, "birth", "2 robots born"),
+        (9.0, "death", "2 robots gone"),
+    ]
+
+
 def test_marks_tell_what_happened_once() -> None:
     def row(fault: int) -> CommandRow:
         return CommandRow("desk-1.1", "command", "(RULE a\n (/ 1 0))", 2.0, 5, 0, fault, 0, 5)

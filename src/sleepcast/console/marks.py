@@ -1,9 +1,10 @@
-"""The marks on the timeline: commands, STOPs, faults, joins and alerts, each at the time at which it happened."""
+"""The marks on the timeline: commands, STOPs, faults, joins, births, deaths and alerts, each at its time."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Sequence
+from math import inf
 from typing import TypeVar
 
 import msgspec
@@ -19,6 +20,8 @@ MAX_KNOWN = 10_000
 """Commands, and rules that failed, of which it is known that they have a mark; a page shows the latest of far fewer."""
 JOIN_EVERY = 0.02
 """Part of the time since the start within which joins of one group are one mark."""
+TURNOVER_EVERY = 0.1
+"""The same of births, and of deaths: there may be some in every tick, and other marks need room."""
 LONGEST = 120
 """Characters of a mark's text: its first line, which the list of commands has whole."""
 
@@ -27,7 +30,7 @@ class Mark(msgspec.Struct, frozen=True):
     """What happened.
 
     at: simulated s
-    kind: command, ask, stop, release, fault, join or alert
+    kind: command, ask, stop, release, fault, join, birth, death or alert
     seen: from when on there is anything to be seen of it, s
     command: its id, "" for none
     """
@@ -52,6 +55,10 @@ class Marks:
         """The rules whose failing has a mark."""
         self._groups: dict[str, tuple[float, int]] = {}
         """When each group had its last mark, and its members when it was looked at last."""
+        self._names: Sequence[str] | None = None
+        """Of who was there when it was looked at last."""
+        self._turnover = {"birth": (-inf, 0), "death": (-inf, 0)}
+        """When births and deaths had their last mark, and how many there have been since."""
 
     def add(self, at: float, kind: str, text: str, seen: float | None = None, command: str = "") -> None:
         """Another mark."""
@@ -100,6 +107,23 @@ class Marks:
                 self.add(time, "join", f"{name}: {_robots(count)}")
                 marked = time
             self._groups[name] = marked, count
+
+    def names(self, time: float, names: Sequence[str]) -> None:
+        """Who is there at this time, by place, "" for nobody."""
+        before, self._names = self._names, names
+        came, gone = (0, 0) if before is None or before is names else _turnover(before, names)
+        for (kind, (marked, since)), count in zip(self._turnover.items(), (came, gone), strict=True):
+            since += count
+            if since and time - marked > TURNOVER_EVERY * time:
+                self.add(time, kind, f"{_robots(since)} {'born' if kind == 'birth' else 'gone'}")
+                marked, since = time, 0
+            self._turnover[kind] = marked, since
+
+
+def _turnover(before: Sequence[str], now: Sequence[str]) -> tuple[int, int]:
+    """How many have come, and gone."""
+    old, new = (set(filter(None, names)) for names in (before, now))
+    return len(new - old), len(old - new)
 
 
 def _keep_latest(known: dict[str, Known]) -> None:

@@ -175,6 +175,7 @@ class LivePast(Past):
             timeline.marks.add(now, marks)
             self._size += marks.size
         self.marks.groups(now, self._groups.names, self._groups.counts)
+        self.marks.names(now, self._view.scene.names)
         rows = self._accounts.rows()
         failures = self._accounts.failing.now
         if timeline.failures_at(now) != failures:

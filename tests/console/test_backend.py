@@ -22,6 +22,7 @@ from sleepcast.console.features.send import Send
 from sleepcast.console.features.why import Explained, ShownStep, Why
 from sleepcast.console.features.wink import Wink
 from sleepcast.console.outgoing import Failing, Obstacles, Roll, WatchedRobot
+from sleepcast.console.values import places_of
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.units import value_in_words
@@ -524,5 +525,6 @@ def test_a_page_learns_the_names_of_robots_that_come_and_go() -> None:
     assert [each.names[:4] for each in news if isinstance(each, Roll)] == [("", "sheep2", "sheep3", "")]
     assert not [each for each in news if isinstance(each, WatchedRobot)]
     assert desk.hello().scene.names[:3] == ("", "sheep2", "sheep3")
+    assert places_of(desk.values.names).tolist() == [1, 2], "of what the table and the glance tell"
     with pytest.raises(MisuseError, match="is gone"):
         desk.name_of(0)

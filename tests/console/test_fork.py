@@ -262,9 +262,7 @@ def test_marks_tell_how_many_were_born_and_have_gone_since_the_last_one() -> Non
     marks.names(9.0, ("wolf4", "wolf5", ""))
     assert [(mark.at, mark.kind, mark.text) for mark in marks.all] == [
         (2.0, "birth", "2 robots born"),
-        (2.1, "death", "1 robot gone"),
-        (2.3, "birth", "2 robots born"),
-        (9.0, "death", "2 robots gone"),
+        (2.3, "turnover", "2 robots born, 3 robots gone"),
     ]
 
 

@@ -21,7 +21,7 @@ MAX_KNOWN = 10_000
 JOIN_EVERY = 0.02
 """Part of the time since the start within which joins of one group are one mark."""
 TURNOVER_EVERY = 0.1
-"""The same of births, and of deaths: there may be some in every tick, and other marks need room."""
+"""The same of births and deaths: there may be some in every tick, and other marks need room."""
 LONGEST = 120
 """Characters of a mark's text: its first line, which the list of commands has whole."""
 
@@ -30,7 +30,7 @@ class Mark(msgspec.Struct, frozen=True):
     """What happened.
 
     at: simulated s
-    kind: command, ask, stop, release, fault, join, birth, death or alert
+    kind: command, ask, stop, release, fault, join, birth, death, turnover (both) or alert
     seen: from when on there is anything to be seen of it, s
     command: its id, "" for none
     """
@@ -57,8 +57,8 @@ class Marks:
         """When each group had its last mark, and its members when it was looked at last."""
         self._names: Sequence[str] | None = None
         """Of who was there when it was looked at last."""
-        self._turnover = {"birth": (-inf, 0), "death": (-inf, 0)}
-        """When births and deaths had their last mark, and how many there have been since."""
+        self._turnover = (-inf, 0, 0)
+        """When births and deaths had their last mark, and how many there have been of each since."""
 
     def add(self, at: float, kind: str, text: str, seen: float | None = None, command: str = "") -> None:
         """Another mark."""
@@ -111,19 +111,16 @@ class Marks:
     def names(self, time: float, names: Sequence[str]) -> None:
         """Who is there at this time, by place, "" for nobody."""
         before, self._names = self._names, names
-        came, gone = (0, 0) if before is None or before is names else _turnover(before, names)
-        for (kind, (marked, since)), count in zip(self._turnover.items(), (came, gone), strict=True):
-            since += count
-            if since and time - marked > TURNOVER_EVERY * time:
-                self.add(time, kind, f"{_robots(since)} {'born' if kind == 'birth' else 'gone'}")
-                marked, since = time, 0
-            self._turnover[kind] = marked, since
-
-
-def _turnover(before: Sequence[str], now: Sequence[str]) -> tuple[int, int]:
-    """How many have come, and gone."""
-    old, new = (set(filter(None, names)) for names in (before, now))
-    return len(new - old), len(old - new)
+        marked, born, gone = self._turnover
+        if before is not None and before is not names:
+            old, new = set(filter(None, before)), set(filter(None, names))
+            born, gone = born + len(new - old), gone + len(old - new)
+        if (born or gone) and time - marked > TURNOVER_EVERY * time:
+            kind = "turnover" if born and gone else "birth" if born else "death"
+            said = f"{_robots(born)} born" if born else "", f"{_robots(gone)} gone" if gone else ""
+            self.add(time, kind, ", ".join(filter(None, said)))
+            marked, born, gone = time, 0, 0
+        self._turnover = marked, born, gone
 
 
 def _keep_latest(known: dict[str, Known]) -> None:

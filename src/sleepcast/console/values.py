@@ -52,6 +52,11 @@ class Values(Protocol):
         """What a table shows of these robots at first."""
 
 
+def places_of(names: Sequence[str]) -> Index:
+    """The places with a robot: where robots come and go, some have none, and "" for a name."""
+    return np.flatnonzero([bool(name) for name in names]) if "" in names else np.arange(len(names))
+
+
 class TelemetryValues:
     """The values of a swarm, simulated or on the air, by its latest telemetry (`Values`)."""
 

@@ -10,7 +10,7 @@ import numpy as np
 from sleepcast.console.feature import answers, run_again
 from sleepcast.console.incoming import PageMessage, Serial
 from sleepcast.console.outgoing import DeskMessage
-from sleepcast.console.values import Values
+from sleepcast.console.values import Values, places_of
 from sleepcast.core.angles import quantile
 from sleepcast.core.units import value_in_words
 
@@ -59,7 +59,7 @@ def glance(source: GlanceSource, asked: GetGlance) -> Glance:
 
 def _over(values: Values, name: str) -> ShownQuantity:
     """Least, median and greatest of a quantity, nothing where it is unknown everywhere."""
-    column, quantity = values.of(name)[0], values.checked(name)
+    column, quantity = values.of(name, places_of(values.names))[0], values.checked(name)
     known = column[~np.isnan(column)]
     numbers: list[float] = []
     if known.size and quantity.is_angle:

@@ -8,6 +8,7 @@ order is kept until the page asks for another one, so that scrolling costs nothi
 from __future__ import annotations
 
 import csv
+from collections.abc import Sequence
 from io import StringIO
 from typing import Annotated, Protocol
 
@@ -18,7 +19,7 @@ from msgspec import Meta
 from sleepcast.console.feature import answers, run_again
 from sleepcast.console.incoming import Expression, Index, PageMessage, Place, Serial
 from sleepcast.console.outgoing import DeskMessage
-from sleepcast.console.values import Column, Values, in_unit
+from sleepcast.console.values import Column, Values, in_unit, places_of
 from sleepcast.console.values import Index as Robots
 from sleepcast.core.columns import column_name
 from sleepcast.core.errors import MisuseError, SleepcastError
@@ -149,6 +150,8 @@ class RobotTable:
         self._values = values
         self._columns: list[str] = []
         self._order = RowOrder((), np.arange(0), "")
+        self._names: Sequence[str] = ()
+        """Of the robots when they were put into this order."""
         self._csv: CsvTable | None = None
 
     def rows(self, asked: GetRows) -> TableRows:
@@ -193,14 +196,15 @@ class RobotTable:
 
     def _ordered(self, asked: GetRows, texts: list[str]) -> RowOrder:
         by = texts[asked.sort] if 0 <= asked.sort < len(texts) else min(asked.sort, BY_NUMBER)
-        key = (by, asked.descending, asked.where.strip(), len(self._values.names))
-        if asked.again or key != self._order.key:
+        key, names = (by, asked.descending, asked.where.strip()), self._values.names
+        if asked.again or key != self._order.key or names is not self._names:
+            self._names = names
             self._order = self._sorted(key, by, asked.descending, asked.where.strip())
         return self._order
 
     def _sorted(self, key: tuple[object, ...], by: str | int, descending: bool, where: str) -> RowOrder:
         try:
-            robots = np.flatnonzero(is_true(self._values.of(where)[0])) if where else np.arange(len(self._values.names))
+            robots = np.flatnonzero(is_true(self._values.of(where)[0])) if where else places_of(self._values.names)
         except SleepcastError as error:
             return RowOrder(key, np.arange(0), str(error))
         if by == BY_NUMBER:

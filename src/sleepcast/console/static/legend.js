@@ -13,7 +13,7 @@ const NARROW = window.matchMedia("(max-width: 40rem)");
 const FOLD = "legend-folded";
 
 export class Legend extends EventTarget {
-  // world: {scene, frame, looks, colours} as of world.js
+  // world: {scene, frame, looks, colours, ofRobots} as of world.js
   constructor(root, wire, world) {
     super();
     this.fold = root.querySelector("#legend-fold");
@@ -63,9 +63,10 @@ export class Legend extends EventTarget {
 
   // One line in place of all.
   summary() {
-    const { scene } = this.world;
+    const { scene, frame, looks } = this.world;
+    const count = frame?.count === scene.count ? this.world.ofRobots(looks.bodies).length : scene.count;
     const groups = this.groups.filter((group) => group.count).length;
-    const parts = [`${scene.count.toLocaleString("en")} ${scene.noun}`];
+    const parts = [`${count.toLocaleString("en")} ${scene.noun}`];
     if (groups) parts.push(groups === 1 ? "1 group" : `${groups} groups`);
     return parts.join(" · ");
   }
@@ -74,7 +75,7 @@ export class Legend extends EventTarget {
   lines() {
     const { scene, frame, looks } = this.world;
     const known = frame?.count === scene.count;
-    const bodies = counts(known ? looks.bodies : [], LOOKS);
+    const bodies = counts(known ? this.world.ofRobots(looks.bodies) : [], LOOKS);
     const colours = known && frame.colours ? colourCounts(frame) : [];
     const lines = [];
     this.groups.forEach((group, index) => {

@@ -10,7 +10,7 @@ const STEPS = 200; // from one end to the other, for the arrow keys
 const BIG = 20; // of these steps for Page Up and Page Down
 const SEEK_EVERY = 33; // ms between two seeks: the station has no more pictures, and reads no more messages
 const HELD = 300; // ms after which a strip that was moved follows the pictures again, which come later than the hand
-const LETTERS = { command: "", ask: "?", stop: "■", release: "▶", fault: "!", join: "+", birth: "*", death: "†", alert: "▲" };
+const LETTERS = { command: "", ask: "?", stop: "■", release: "▶", fault: "!", join: "+", birth: "*", death: "†", turnover: "±", alert: "▲" };
 
 export class Timeline extends EventTarget {
   // on the page of a recording: seeks the recording; else looks at the past of a run, which is a matter of this page.

@@ -30,6 +30,11 @@ export class Trails {
     return true;
   }
 
+  // Other robots are at these places than before.
+  forget(places) {
+    for (const { xy } of this.samples) for (const place of places) xy.fill(NaN, 2 * place, 2 * place + 2);
+  }
+
   // Whether time has gone back since the latest sample, or farther than it runs.
   leapt(latest, frame, now) {
     const most = (LEAP * Math.max(latest.wanted, frame.wanted) * (now - this.last)) / 1000;

@@ -56,6 +56,7 @@ export class World extends EventTarget {
     this.fitted = true;
     this.close = false; // whether only the part of the world is fitted in which robots are
     this.begun = false; // whether there was a frame of this scene
+    this.turnover = false; // whether robots come and go, so that some places are empty
     this.colours = palette();
     this.stale = new Set();
     this.waiting = false;
@@ -70,12 +71,19 @@ export class World extends EventTarget {
 
   // ---- what is shown
 
+  // Some of these codes, one for each place: without the places that no robot has in this picture.
+  ofRobots(codes) {
+    const { poses } = this.frame;
+    return this.turnover ? codes.filter((_, place) => !Number.isNaN(poses[3 * place])) : codes;
+  }
+
   setScene(scene) {
     const another = this.scene?.title !== scene.title;
     // On the air, robots come while one looks on, and drive where nobody was before.
     const others = another || this.scene.count !== scene.count;
     const elsewhere = another || this.scene.area.join() !== scene.area.join();
     this.scene = scene;
+    this.turnover = scene.names.includes("");
     this.sorts = scene.discs ? discsOf(scene.count) : sortsOf(scene.sizes, scene.count);
     if (others) this.trails = new Trails();
     if (another || this.marks.chosen >= scene.count) this.choose(this.scene.discs ? 0 : -1);
@@ -87,7 +95,12 @@ export class World extends EventTarget {
 
   // The names of the robots now, where they come and go.
   setNames(names) {
-    if (this.scene) this.scene.names = names;
+    if (!this.scene) return;
+    const others = names.flatMap((name, place) => (name === this.scene.names[place] ? [] : [place]));
+    this.scene.names = names;
+    this.turnover ||= names.includes("");
+    this.trails.forget(others);
+    if (others.includes(this.marks.chosen)) this.choose(-1); // it is gone, and another may be in its place
   }
 
   // version: of the obstacles, where they may be changed.

@@ -213,6 +213,37 @@ def test_only_those_are_expected_that_were_there_and_who_dies_is_not_waited_for(
         assert len(late.account.matched) == 9
 
 
+def test_children_have_nothing_of_what_a_grant_has_made_of_their_parents() -> None:
+    with fleet() as run:
+        best = "(BEST 2 id (> id 0) (PROGN (JOIN red) (JOIN old) (RULE go (MARK))))"
+        everybody(run.swarm, "(WHEN (= id 1) (JOIN old))")
+        run.send(best, wait=0)
+        run.run(2.5)
+        minds = run.swarm.minds
+        assert {name for name in run.swarm.fleet if "red" in minds[name].groups} == {"sheep1", "sheep2"}
+        minds["sheep1"].evaluate("(HATCH sheep 2)")
+        minds["sheep2"].evaluate("(PROGN (HATCH wolf 1) (DIE))")
+        run.run(0.2)
+        assert [minds[name].groups for name in ("sheep11", "sheep12", "wolf13")] == [{"old"}, {"old"}, set()]
+        assert not any(minds[name].rules() for name in ("sheep11", "sheep12", "wolf13"))
+        assert minds["sheep1"].groups == {"red", "old"}
+        assert minds["sheep1"].rules()
+
+
+def test_who_dies_before_an_instant_is_not_waited_for_and_children_do_nothing_at_it() -> None:
+    with fleet() as run:
+        later = run.send("(AFTER-ISSUE 2s (WHEN (> id 0) (JOIN red)))", wait=0)
+        run.run(1)
+        assert len(later.account.waiting) == 10
+        run.swarm.minds["sheep1"].evaluate("(HATCH sheep 1)")
+        run.swarm.minds["sheep2"].evaluate("(DIE)")
+        run.run(2)
+        assert later.account.complete
+        assert len(later.account.matched) == 9
+        assert not later.account.waiting
+        assert "red" not in run.swarm.minds["sheep11"].groups
+
+
 def test_what_was_on_the_way_to_a_robot_does_not_come_to_the_next_one_in_its_row() -> None:
     run = swarm(sheep="hatch = true\nmost = 7")
     run.minds["sheep1"].evaluate("(TELL (JOIN told))")

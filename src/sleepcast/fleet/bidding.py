@@ -134,9 +134,15 @@ class FleetBids:
                 counts[at] = self._of[robot].cancel(sender)
         return counts
 
-    def turn_over(self, changed: Index) -> None:
-        """Other robots, or none, are in these rows from now on, which have bid for nothing and choose nobody."""
-        for robot in changed.tolist() if self._of or self._ended or self._calls else ():
+    def turn_over(self, parents: Index, children: Index, dead: Index) -> None:
+        """Other robots, or none, are in these rows from now on, which have bid for nothing and choose nobody. What a
+        grant has made of a parent ends in its child at once: the lease, which ends it in time, is the parent's."""
+        for parent, child in zip(parents.tolist(), children.tolist(), strict=True) if self._of else ():
+            if parent in self._of:
+                one = BiddingRobot(self, child)
+                for text in self._of[parent].endings(one.rules_by_key):
+                    one.end(text)
+        for robot in (*children.tolist(), *dead.tolist()) if self._of or self._ended or self._calls else ():
             self._of.pop(robot, None)
             self._ended.pop(robot, None)
             self._calls.pop(robot, None)

@@ -35,7 +35,7 @@ def turn_over(fleet: Fleet, names: NameIndex, parents: Index, children: Index, n
         when[children] = when[parents]
     fleet.inbox.turn_over(parents, children, dead)
     fleet.outbox.turn_over(names, changed)
-    fleet.bids.turn_over(changed)
+    fleet.bids.turn_over(parents, children, dead)
     fleet.timing.turn_over(parents, children, dead)
     fleet.evaluation_log.turn_over(changed)
     fleet.telemetry.turn_over(changed)

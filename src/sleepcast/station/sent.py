@@ -203,6 +203,15 @@ class Answers(Mapping[str, Answer]):
             self._outcome[robot] = 0
             self._count -= 1
 
+    def wait_no_more(self, robots: Index) -> None:
+        """Count those of the robots at these places that wait for an instant as ones that have not answered."""
+        robots = robots[robots < len(self._outcome)]
+        robots = robots[self._outcome[robots] == WAITS]
+        if robots.size:
+            self._outcome[robots] = SILENT
+            self._count -= robots.size
+            self.version += 1
+
     def go_back(self, time: float) -> None:
         """Forget what was answered after `time`, s."""
         self._outcome = self.codes_at(time)
@@ -404,7 +413,8 @@ class Command:
         return frozenset(self.answers.names[place] for place in self.expected.tolist())
 
     def turn_over(self, dead: Index) -> None:
-        """These robots are gone: whoever has not answered is not asked any more."""
+        """These robots are gone: whoever has not answered, or waits for an instant, is not asked any more."""
+        self.answers.wait_no_more(dead)
         asked = np.arange(self.addressed) if self.only is None else self.only
         left = asked[~np.isin(asked, dead) | (self.answers.codes[asked] != SILENT)]
         if len(left) < len(asked):

@@ -384,6 +384,18 @@ def test_a_run_does_not_grow_by_births_and_deaths() -> None:
         assert (len(run.names), len(run.swarm.fleet.minds)) == (10, 2)
 
 
+def test_when_all_robots_are_gone_nobody_is_asked_and_nobody_known() -> None:
+    with fleet() as run:
+        history = run.run(1).history("(FLOOR x)", every=0.5)
+        run.send("(WHEN (> id 0) (DIE))")
+        run.run(1)
+        assert (len(run), run["(+ id x)"].tolist(), history.table()["robot"][-1]) == (0, [], "wolf4")
+        with pytest.raises(SleepcastError, match='there is no robot "wolf4" among the 0 on the roster'):
+            run.send("(JOIN a)", only="wolf4")
+        assert not run.stop().account.silent
+        assert not run.send("(WHEN (> id 0) (JOIN a))").account.matched
+
+
 def test_worlds_at_once_come_to_the_same_as_each_alone() -> None:
     def lived(run: Any) -> None:
         run.run(1, quiet=True)
@@ -398,6 +410,9 @@ def test_worlds_at_once_come_to_the_same_as_each_alone() -> None:
             alone.append((run.hash, tuple(run.names)))
     with sc.open_many(text(), seeds=[1, 2]) as worlds:
         lived(worlds)
+        names = [name for _, each in alone for name in each]
+        assert [*worlds.table("id")["robot"]] == names
+        assert f"2 worlds with {len(names)} robots" in repr(worlds)
         assert [(world.hash, tuple(world.names)) for world in worlds] == alone
 
 

@@ -41,14 +41,14 @@ class WorldStart(NamedTuple):
 class KeptWorld:
     """See the module. fleet: just opened. start: how it was; None for one that never rests.
 
-    robots: how many. length_of_tick: s.
+    room: how many robots there may be at one time. length_of_tick: s.
     """
 
-    __slots__ = ("_fleet", "_histories", "_resting", "_start", "length_of_tick", "robots")
+    __slots__ = ("_fleet", "_histories", "_resting", "_robots", "_start", "length_of_tick", "room")
 
     def __init__(self, fleet: SimulatedFleet, start: WorldStart | None) -> None:
         self._fleet: SimulatedFleet | None = fleet
-        self._start, self.robots = start, len(fleet)
+        self._start, self._robots, self.room = start, len(fleet), len(fleet.swarm.simulator.names)
         self.length_of_tick = fleet.swarm.simulator.scenario.tick
         self._resting: RestingSwarm | None = None
         """What it has come to; None at its start."""
@@ -57,6 +57,11 @@ class KeptWorld:
     @property
     def is_awake(self) -> bool:
         return self._fleet is not None
+
+    @property
+    def robots(self) -> int:
+        """How many robots there are."""
+        return self._robots if self._fleet is None else len(self._fleet)
 
     @property
     def fleet(self) -> SimulatedFleet:
@@ -98,6 +103,7 @@ class KeptWorld:
         act(fleet)
         inputs = fleet._only_inputs
         if inputs is not None:
+            self._robots = len(fleet)
             self._resting, self._histories, self._fleet = RestingSwarm(fleet.swarm, inputs), fleet._histories, None
             fleet._dissolve()
 

@@ -66,18 +66,18 @@ class Worlds:
         self.failed: dict[int, str] = {}
         self._worlds: dict[int, KeptWorld] = {}
         self._pool = ThreadPool(threads)
-        errors, robots = list[Exception](), 0
+        errors, room = list[Exception](), 0
         with closing(steps(len(self.plans), "opening worlds", quiet=quiet)) as numbers:
             for number in numbers:
                 try:
                     world = opened(self.plans[number])
-                    if robots + world.robots > MAX_MINDS:
+                    if room + world.room > MAX_MINDS:
                         raise MisuseError(
                             f"all worlds together have more than {MAX_MINDS:,} robots: open fewer at once"
                         )
                     if len(self._worlds) >= AWAKE:
                         world.rest()
-                    self._worlds[number], robots = world, robots + world.robots
+                    self._worlds[number], room = world, room + world.room
                 except Exception as error:  # what a payload does at the start may raise anything
                     errors.append(error)
                     self._fail(number, error)
@@ -222,7 +222,7 @@ class Worlds:
         wanted = expressions or going[0].look(_sensors_of)
         found = [world.look(lambda fleet: ([*fleet.names], [fleet[each] for each in wanted])) for world in going]
         keys: dict[str, Texts | Numbers] = {
-            "world": np.repeat([*self._worlds], [world.robots for world in going]),
+            "world": np.repeat([*self._worlds], [len(names) for names, _ in found]),
             "robot": [name for names, _ in found for name in names],
         }
         values = {each: np.concatenate([some[at] for _, some in found]) for at, each in enumerate(wanted)}

@@ -61,6 +61,8 @@ class FleetQuery:
         """What it comes to at `now` (s), NaN for unknown, without side effects; and why that cannot be said for an
         expression that would have some, for random numbers, and for a function that makes a body do something, "" if it
         can."""
+        if not self._pieces:  # all robots are gone
+            return self._of_all(np.empty(0)), ""
         program, some, _ = self._pieces[0]
         if self._plain:  # it can do nothing but compute, and nobody asks for its steps and faults
             with np.errstate(all="ignore"):

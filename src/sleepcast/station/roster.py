@@ -46,7 +46,7 @@ class UnknownRobotError(MisuseError):
     """A name that no robot on the roster has."""
 
     def __init__(self, name: str, known: Iterable[str]) -> None:
-        names = list(known)
+        names = list(filter(None, known))
         super().__init__(f'there is no robot "{name}" among the {len(names)} on the roster{did_you_mean(name, names)}')
 
 

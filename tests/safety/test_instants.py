@@ -8,6 +8,7 @@ import pytest
 
 from safety.scene import STEP, Scene
 from sleepcast.core.clock import ManualClock
+from sleepcast.language.reader import ReadError
 from sleepcast.mind.instants import MAX_WAITING, MeasuredClocks, UnknownClocks
 from sleepcast.station import Account
 from sleepcast.station.network import NetworkStation
@@ -205,6 +206,19 @@ def test_a_desk_turns_a_time_into_an_instant_when_it_sends() -> None:
     assert sent.instant == pytest.approx(at, abs=2e-6)
     with pytest.raises(CommandTypeError, match=r"the instant is 0\.1 s ago: wanted one within the next 3600 s"):
         desk.send("(MARK)", everybody=True, at=desk.now - 0.1)
+    for seconds, when in ((0.0, "now"), (1e-9, "now"), (1e300, r"in 1e\+300 s")):
+        with pytest.raises(CommandTypeError, match=f"the instant is {when}: wanted"):
+            desk.send("(MARK)", everybody=True, at=desk.now + seconds)
     made.run(2.0)
     with pytest.raises(CommandTypeError, match=r"the instant is 0\.5"):
         desk.commit(prepared)
+
+
+def test_what_is_written_for_an_instant_is_read_by_itself() -> None:
+    desk = scene().desk()
+    noted = desk.send("(DRIVE 1) ; all of them", everybody=True, at=desk.now + 2.0)
+    assert noted.instant == pytest.approx(desk.now + 2.0, abs=2e-6)
+    for text in ("(DRIVE 1", "(DRIVE 1)) (DRIVE 2", "(DRIVE 1) (DRIVE 2)", " "):
+        with pytest.raises(ReadError) as found:
+            desk.send(text, everybody=True, at=desk.now + 2.0)
+        assert "AFTER-ISSUE" not in str(found.value)

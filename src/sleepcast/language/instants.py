@@ -11,7 +11,8 @@ _HEAD = "(after-issue"
 
 def timed(text: str, seconds: float) -> str:
     """The text of a command that is to be done so many s after it was sent, to the microsecond."""
-    return f"(AFTER-ISSUE {seconds:.6f}s {text})"
+    end = "\n)" if ";" in text else ")"  # a comment goes to the end of its line
+    return f"(AFTER-ISSUE {seconds:.6f}s {text}{end}"
 
 
 def wait_of(text: str) -> float | None:

@@ -20,6 +20,7 @@ from sleepcast.language.functions import MAX_WAIT
 from sleepcast.language.instants import timed
 from sleepcast.language.parts import auction_of, irreversible, timed_of, walk
 from sleepcast.language.program import Program
+from sleepcast.language.reader import read
 from sleepcast.language.symbols import Declared
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.station.roster import Index, RobotNames
@@ -109,13 +110,15 @@ class Draft(msgspec.Struct, frozen=True, eq=False):
 
 def with_instant(text: str, at: float | None, now: float) -> str:
     """The text of a command that is sent at `now` and is to be obeyed at an instant, s of the desk's clock, None for as
-    soon as it is heard. Raises CommandTypeError for an instant that is over, or too far ahead."""
+    soon as it is heard. Raises ReadError, and CommandTypeError for an instant that is over, or too far ahead."""
     if at is None:
         return text
-    if not 0.0 < at - now <= MAX_WAIT:
-        when = f"{now - at:.3g} s ago" if at <= now else f"in {at - now:,.0f} s"
+    read(text)  # an error is to tell of what was written, not of what stands around it
+    left = round(at - now, 6)
+    if not 0.0 < left <= MAX_WAIT:
+        when = f"in {left:.6g} s" if left > 0.0 else f"{-left:.3g} s ago" if left < 0.0 else "now"
         raise CommandTypeError(f"the instant is {when}: wanted one within the next {MAX_WAIT:g} s")
-    return timed(text, at - now)
+    return timed(text, left)
 
 
 class Forecast(NamedTuple):

@@ -93,3 +93,14 @@ def test_python_sends_a_command_for_an_instant_of_the_run() -> None:
     assert len(sent.matched) == 3
     with pytest.raises(MisuseError, match=r"wanted one within the next 3600 s"):
         fleet.send("(MARK)", everybody=True, at=2.0)
+
+
+def test_an_explanation_tells_how_many_commands_a_robot_has_discarded() -> None:
+    with sc.open("bravo", robots=3, seed=1) as fleet:
+        for wait in (20, 30):
+            fleet.send(f"(AFTER-ISSUE {wait}s (WHEN (> id 1) (MARK)))", wait=0)
+        fleet.run(1)
+        sent = fleet.send("(WHEN (> id 1) (+ (ABS -1) (CANCEL)))")
+        why = fleet.why(sent.matched[0], sent.id)
+        assert (sent.values[sent.matched[0]], why.value) == (3.0, 3.0)
+        assert fleet.why(sent.matched[0], sent.id).root.children[1].children[1].value == 2.0

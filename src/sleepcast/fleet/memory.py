@@ -79,7 +79,7 @@ class FleetMemory(FleetEvaluation):
 
     bodies: targets of the vocabulary's functions, by robot
     printed: collects reports, if it is a list
-    hosts: if it is a list, collects the results of the robots' own functions
+    hosts: if it is a list, collects the results of the robots' own functions, and how many commands CANCEL discarded
     script: these results when an evaluation is repeated
     kernels: native code, if there is any
     """
@@ -595,7 +595,12 @@ def _ping(memory: FleetMemory, part: Part, rows: Rows, caste: Column | None = No
 
 
 def _cancel(memory: FleetMemory, part: Part, rows: Rows) -> Column:
-    return memory.cancel(rows)
+    if memory.script is not None:
+        return np.array([_number(next(memory.script)) for _ in range(rows.size)], np.float64)
+    discarded = memory.cancel(rows)
+    if memory.hosts is not None:
+        memory.hosts.append((rows, discarded))
+    return discarded
 
 
 ACTS: dict[str, Act] = {

@@ -214,6 +214,15 @@ def test_a_desk_turns_a_time_into_an_instant_when_it_sends() -> None:
         desk.commit(prepared)
 
 
+def test_a_question_about_what_waits_is_answered_at_once() -> None:
+    made = scene()
+    desk = made.desk()
+    asked = desk.ask("(AFTER-ISSUE 3s (> x 0))")
+    made.run(0.5)
+    account = desk.accounting(asked.id)
+    assert (account.instant, account.n_waiting, account.n_matched) == (None, 0, 3)
+
+
 def test_what_is_written_for_an_instant_is_read_by_itself() -> None:
     desk = scene().desk()
     noted = desk.send("(DRIVE 1) ; all of them", everybody=True, at=desk.now + 2.0)

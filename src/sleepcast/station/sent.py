@@ -445,8 +445,8 @@ class Command:
 
     @cached_property
     def instant(self) -> float | None:
-        """When robots that wait are to obey, s of its sender's clock; None for a command that waits for nothing."""
-        wait = wait_of(self.message.text)
+        """When robots that wait are to obey, s of its sender's clock; None if none waits, as for a question."""
+        wait = wait_of(self.message.text) if self.kind is Kind.COMMAND else None
         return None if wait is None else self.message.issued + wait
 
     def owing(self, now: float) -> NDArray[np.bool_]:

@@ -11,8 +11,10 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
+from console.conftest import COMMANDS
 from console.running import PATIENCE, Program
 from console.test_page import opened, until
+from small_worlds import write
 
 pytestmark = pytest.mark.browser
 
@@ -51,6 +53,31 @@ def saved(page: Page, button: str, folder: Path) -> Path:
 
 def read(file: Path) -> list[list[str]]:
     return list(csv.reader(file.read_text(encoding="utf-8").splitlines()))
+
+
+@pytest.fixture
+def breeding(tmp_path: Path, context: BrowserContext) -> Iterator[Page]:
+    """The same, where rovers come and go."""
+    write(tmp_path, ("[robots]\n", "[robots]\nhatch = true\n"), more=COMMANDS)
+    with Program("run", tmp_path, "--page") as program:
+        yield from opened(program, context)
+
+
+def test_who_is_gone_is_neither_counted_nor_selected_and_another_in_its_place_has_its_own_name(breeding: Page) -> None:
+    page = breeding
+
+    def send(text: str, told: str) -> None:
+        page.locator("#text").fill(text)
+        page.locator("#text").press("Enter")
+        expect(page.locator(".table-told")).to_have_text(told)
+
+    page.locator("#drawer-table").click()
+    page.locator(".table-row[data-at='0']").click()
+    page.locator(".table-row[data-at='2']").click(modifiers=["Shift"])
+    expect(page.locator(".table-told")).to_have_text("20 robots, 3 selected")
+    send("(WHEN (= id 1) (DIE))", "19 robots, 2 selected")
+    send("(WHEN (= id 9) (HATCH rover 1))", "20 robots, 2 selected")
+    until(page, lambda: cells(page, 0)[:2] == ["rover21", "rover2"])
 
 
 def test_robots_are_sorted_filtered_chosen_and_saved(rovers: Page, tmp_path: Path) -> None:

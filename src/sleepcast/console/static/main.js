@@ -138,7 +138,7 @@ new Finder(find("finder"), [
   () => [...ACTIONS, ...panes.actions, ...undo.choices].map(([title, hint, run]) => ({ kind: "action", title, hint, run })),
   () => [...drawer.panes].map(([name, { tab }]) => ({ kind: "pane", title: tab.textContent, run: () => drawer.open(name) })),
   ...panes.finds.then,
-  () => (world.scene?.names ?? []).map((name, index) => ({ kind: "robot", title: name, run: () => chooseAndCentre(index) })),
+  () => (world.scene?.names ?? []).flatMap((name, index) => (name ? [{ kind: "robot", title: name, run: () => chooseAndCentre(index) }] : [])),
 ]);
 
 function chooseAndCentre(index) {

@@ -77,6 +77,12 @@ export class Selecting extends EventTarget {
     this.set(new Uint8Array(0));
   }
 
+  // Other robots are at these places than before, which nobody has selected. It cannot be undone.
+  forget(places) {
+    const gone = places.filter((place) => this.marks[place]);
+    if (gone.length) this.put(this.marks.map((mark, place) => (gone.includes(place) ? 0 : mark)));
+  }
+
   toggle(index) {
     const marks = this.padded();
     marks[index] = marks[index] ? 0 : 1;

@@ -321,6 +321,11 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
     table.setPicked(selecting.marks);
   });
 
+  world.addEventListener("turnover", ({ detail }) => {
+    table.setNames(world.scene.names);
+    selecting.forget(detail);
+  });
+
   table.addEventListener("choose", ({ detail }) => world.choose(detail));
   table.addEventListener("pick", ({ detail }) => {
     const marks = new Uint8Array(world.scene.count);

@@ -30,6 +30,7 @@ export class Table extends EventTarget {
     this.wanted = true; // whether to ask again as soon as an answer is there
     this.title = "";
     this.robots = []; // names, by index
+    this.there = 0; // how many robots there are
     this.columns = []; // expressions; none: those that the desk suggests
     this.sort = { by: BY_NUMBER, descending: false };
     this.where = "";
@@ -77,9 +78,16 @@ export class Table extends EventTarget {
     this.find("download").addEventListener("click", () => this.export((text) => this.toFile(text)));
   }
 
+  // names: by index, "" where no robot is.
+  setNames(names) {
+    this.robots = names;
+    this.there = names.filter(Boolean).length;
+    this.draw();
+  }
+
   // Another scene: its robots, and the columns that were chosen for it before.
   setScene(scene) {
-    this.robots = scene.names;
+    this.setNames(scene.names);
     if (this.title === scene.title) return;
     this.title = scene.title;
     const before = kept(`table.${scene.title}`, {});
@@ -169,7 +177,7 @@ export class Table extends EventTarget {
   }
 
   count() {
-    const [total, all] = [this.answer.total, this.robots.length].map((number) => number.toLocaleString("en"));
+    const [total, all] = [this.answer.total, this.there].map((number) => number.toLocaleString("en"));
     const rows = this.where ? `${total} of ${all} robots` : `${all} robots`;
     const picked = this.picked.size ? `, ${this.picked.size.toLocaleString("en")} selected` : "";
     this.say(`${rows}${picked}${this.answer.source ? ` · ${this.answer.source}` : ""}`);

@@ -101,6 +101,7 @@ export class World extends EventTarget {
     this.turnover ||= names.includes("");
     this.trails.forget(others);
     if (others.includes(this.marks.chosen)) this.choose(-1); // it is gone, and another may be in its place
+    this.dispatchEvent(new CustomEvent("turnover", { detail: others }));
   }
 
   // version: of the obstacles, where they may be changed.

@@ -114,6 +114,16 @@ def test_without_a_share_children_have_as_much_as_their_parents() -> None:
     assert [run.minds[name].evaluate("energy").value for name in ("wolf1", "sheep11")] == [energy, energy]
 
 
+def test_a_robot_gives_its_young_no_more_than_it_has() -> None:
+    run = swarm()
+    energy = run.minds["sheep1"].evaluate("energy").value
+    assert isinstance(energy, float)
+    run.minds["sheep1"].evaluate("(PROGN (HATCH sheep 1 0.5) (HATCH sheep 7 1))")
+    run.step()
+    shared = [run.minds[name].evaluate("energy").value for name in ("sheep1", "sheep11", "sheep12")]
+    assert shared == [0.0, energy / 2, pytest.approx(energy / 14)]
+
+
 def test_names_and_numbers_are_never_used_again_and_rows_are() -> None:
     run = swarm(sheep="hatch = true\nmost = 7")
     seen = {name: run.minds[name].number for name in run.fleet}

@@ -225,7 +225,7 @@ class Bodies:
         for row in self.stores:
             given = row[parents] * shares
             row[children] = np.where(shared, given, row[children])
-            np.subtract.at(row, parents[shared], given[shared])
+            row[turnover.givers] *= turnover.kept
         self.numbers[children] = turnover.numbers
         self.chance[children] = self._chances()[children]
         self.mode[dead], self.stopped[dead], self.held[dead] = Mode.DRIVE, False, False

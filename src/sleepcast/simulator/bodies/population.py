@@ -41,6 +41,7 @@ class Turnover(NamedTuple):
     parents, children: each child with its parent, in the order of the children's numbers
     numbers: of the children, from 0
     shares: of each store of its parent that each child gets, NaN where it has as much as its parent
+    givers, kept: the parents that give of their stores, and the share that each keeps
     dead: those that go
     refused: parents for whose children there was no room any more, and that stay themselves; ascending
     """
@@ -49,6 +50,8 @@ class Turnover(NamedTuple):
     children: Whole
     numbers: Whole
     shares: Floats
+    givers: Whole
+    kept: Floats
     dead: Whole
     refused: Whole
 
@@ -131,23 +134,29 @@ class Population:
         self._dying[:] = False
         if not self._asked and not dead.size:
             return None
-        parents, children, shares, refused = self._placed()
+        parents, children, shares, kept, refused = self._placed()
         numbers = np.arange(self.following, self.following + len(children))
         self.following += len(children)
         self.numbers[children], self.numbers[dead] = numbers, NOBODY
         self.present[children], self.present[dead] = True, False
-        return Turnover(parents, children, numbers, shares, dead, np.setdiff1d(refused, dead))
+        givers = np.array(list(kept), np.intp)
+        left = np.array(list(kept.values()), np.float64)
+        return Turnover(parents, children, numbers, shares, givers, left, dead, np.setdiff1d(refused, dead))
 
-    def _placed(self) -> tuple[Whole, Whole, Floats, Whole]:
-        """The children with their parents, rows and shares; and the parents of those for whom there is no room."""
+    def _placed(self) -> tuple[Whole, Whole, Floats, dict[int, float], Whole]:
+        """The children with their parents, rows and shares; what parents keep of their stores; and the parents of those
+        for whom there is no room. Each call gives of what those before it have left: so nobody gives more than all."""
         asked, self._asked = self._asked, {}
         free = [iter((np.flatnonzero(~self.present[each]) + each.start).tolist()) for each in self._slices]
-        placed, refused = list[tuple[int, int, float]](), dict[int, None]()
+        placed, kept, refused = list[tuple[int, int, float]](), dict[int, float](), dict[int, None]()
         for parent in sorted(asked, key=lambda row: int(self.numbers[row])):
             for sort, count, share in asked[parent]:
                 rows = list(islice(free[sort], count))
-                placed += [(parent, row, share / count) for row in rows]
+                has = kept.get(parent, 1.0)
+                placed += [(parent, row, has * share / count) for row in rows]
+                if not isnan(share):
+                    kept[parent] = has * (1.0 - share * len(rows) / count)
                 if len(rows) < count:
                     refused[parent] = None
         parents, children = (np.array([each[i] for each in placed], np.intp) for i in (0, 1))
-        return parents, children, np.array([each[2] for each in placed]), np.array(list(refused), np.intp)
+        return parents, children, np.array([each[2] for each in placed]), kept, np.array(list(refused), np.intp)

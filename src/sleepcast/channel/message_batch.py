@@ -182,6 +182,30 @@ class MessageBatch(msgspec.Struct, frozen=True):
             yield robot, message_id(self.names[robot], self.epoch, sequence)
 
 
+def in_settled_order(batches: list[MessageBatch]) -> list[MessageBatch]:
+    """The same messages of one tick. Of a rule that robots with several minds have deactivated, all reports are one
+    batch after all others: which minds come first depends on how far native code has been made, and so on no seed."""
+    ended: dict[tuple[str, str], list[MessageBatch]] = {}
+    for batch in batches:
+        if isinstance(batch.words, Reports) and batch.words.rule:
+            ended.setdefault((batch.words.label, batch.words.rule), []).append(batch)
+    several = {rule: each for rule, each in ended.items() if len(each) > 1}
+    if not several:
+        return batches
+    alone = [batch for batch in batches if not any(batch is each for some in several.values() for each in some)]
+    return alone + [_together(each) for _, each in sorted(several.items())]
+
+
+def _together(batches: Sequence[MessageBatch]) -> MessageBatch:
+    """The messages of several batches, whose contents are the same, in the order of the robots."""
+    robots = np.concatenate([each.robots for each in batches])
+    order = np.argsort(robots, kind="stable")
+    columns = [np.concatenate([getattr(each, name) for each in batches])[order] for name in ("sequences", "issued")]
+    return msgspec.structs.replace(
+        batches[0], robots=robots[order], places=np.arange(len(order)), sequences=columns[0], issued=columns[1]
+    )
+
+
 # ---- serialized state
 
 

@@ -23,6 +23,7 @@ from sleepcast.channel.message_batch import (
     Reports,
     ascending,
     dump_batch,
+    in_settled_order,
     load_batch,
 )
 from sleepcast.columns.values import Column, Index, Mask, Rows
@@ -193,7 +194,7 @@ class Outbox:
         taken, self._batches = self._batches, []
         for batch in taken:
             self._state.in_outbox[batch.robots] -= 1
-        return taken
+        return in_settled_order(taken)
 
     def state(self) -> OutboxState:
         """Everything that is still to be sent."""

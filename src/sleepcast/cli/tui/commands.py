@@ -136,8 +136,9 @@ Ctrl-C        clear the text; without text quit, like Ctrl-Q and Ctrl-D
 :look         ask all robots for telemetry now
 :quit         quit
 
-Robots: S stopped, s stopped but not at rest yet, o not stopped, ? no telemetry yet; L lost: not heard lately;
-2 several robots have this name.
+Robots: S stopped, s stopped but not at rest yet, o not stopped,
+? no telemetry yet; L lost: not heard lately; 2 several robots have this name.
 Answer to the last command: M matched, H matched but held by STOP,
-N did not match, U its test was unknown, W waits for its instant, F fault, - silent
+N did not match, U its test was unknown, W waits for its instant,
+F fault, - silent
 """

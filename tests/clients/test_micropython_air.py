@@ -208,7 +208,7 @@ def test_rules_that_may_have_been_replaced_do_nothing(folder: Path, channel: str
         until(lambda: desk.ask("(KNOWN light)", Kind.ASK)["value"] == 1.0)
 
         def does_nothing() -> bool:
-            """Orders are verified first, so on a busy machine the rule may run before it is known that there is more."""
+            """Orders are verified first, so on a busy machine it may run before it is known that there is more."""
             assert desk.ask("(SETQ lamp 0)")["outcome"] == "matched"
             return desk.ask("lamp", Kind.ASK)["value"] == 0.0
 

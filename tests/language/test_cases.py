@@ -12,8 +12,8 @@ BLOCKS = blocks()
 FEWEST = 300
 TOPICS = {
     "areas", "arithmetic", "assignment", "body", "boolean", "bounds", "buffers", "chance", "comparison", "control",
-    "choosing", "doubts", "errors", "faults", "groups", "instants", "neighbours", "operators", "remembering", "rules",
-    "scanners", "speaking", "support", "units",
+    "choosing", "doubts", "errors", "faults", "functions_with_numbers", "groups", "instants", "neighbours",
+    "operators", "population", "remembering", "rules", "scanners", "speaking", "support", "units",
 }  # fmt: skip
 
 

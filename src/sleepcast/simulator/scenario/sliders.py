@@ -52,7 +52,10 @@ class Slider:
 
     def written(self, value: float) -> object:
         """Another value as the file would have it."""
-        return f"{value:.12g}{self.unit}" if self.unit else value
+        if self.unit:
+            return f"{value:.12g}{self.unit}"
+        counts = self.step.is_integer() and value.is_integer()  # a number of robots must be a whole one
+        return int(value) if counts else value
 
 
 def read_sliders(root: Table, document: Document, constants: Sequence[BodyConstant]) -> tuple[Slider, ...]:

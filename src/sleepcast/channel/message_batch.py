@@ -189,11 +189,9 @@ def in_settled_order(batches: list[MessageBatch]) -> list[MessageBatch]:
     for batch in batches:
         if isinstance(batch.words, Reports) and batch.words.rule:
             ended.setdefault((batch.words.label, batch.words.rule), []).append(batch)
-    several = {rule: each for rule, each in ended.items() if len(each) > 1}
-    if not several:
-        return batches
-    alone = [batch for batch in batches if not any(batch is each for some in several.values() for each in some)]
-    return alone + [_together(each) for _, each in sorted(several.items())]
+    several = [each for _, each in sorted(ended.items(), key=lambda item: item[0]) if len(each) > 1]
+    moved = {id(batch) for each in several for batch in each}
+    return [batch for batch in batches if id(batch) not in moved] + [_together(each) for each in several]
 
 
 def _together(batches: Sequence[MessageBatch]) -> MessageBatch:

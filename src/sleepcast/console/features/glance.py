@@ -10,7 +10,7 @@ import numpy as np
 from sleepcast.console.feature import answers, run_again
 from sleepcast.console.incoming import PageMessage, Serial
 from sleepcast.console.outgoing import DeskMessage
-from sleepcast.console.values import Values, places_of
+from sleepcast.console.values import Index, Values, places_of
 from sleepcast.core.angles import quantile
 from sleepcast.core.units import value_in_words
 
@@ -54,12 +54,13 @@ def glance(source: GlanceSource, asked: GetGlance) -> Glance:
     """The quantities that a table shows at first, over all robots."""
     values = source.values
     names = [name for name in values.suggested() if name not in POSE and not name.endswith(OF_PLACES)]
-    return Glance(asked.serial, [_over(values, name) for name in names])
+    places = places_of(values.names)
+    return Glance(asked.serial, [_over(values, name, places) for name in names])
 
 
-def _over(values: Values, name: str) -> ShownQuantity:
+def _over(values: Values, name: str, places: Index) -> ShownQuantity:
     """Least, median and greatest of a quantity, nothing where it is unknown everywhere."""
-    column, quantity = values.of(name, places_of(values.names))[0], values.checked(name)
+    column, quantity = values.of(name, places)[0], values.checked(name)
     known = column[~np.isnan(column)]
     numbers: list[float] = []
     if known.size and quantity.is_angle:

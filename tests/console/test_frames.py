@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import struct
+from math import nan
+
+import numpy as np
 
 from sleepcast.channel import Kind, Message
-from sleepcast.console.frames import pack, repeats, still
+from sleepcast.console.frames import pack, packed_poses, places_of, repeats, still
+from sleepcast.console.replay_client import digest
 from sleepcast.fleet import Fleet
 from sleepcast.fleet.marks import MAX_GROUPS, GroupCodes, flags_of
 from station.fleet import vocabulary
@@ -36,6 +40,21 @@ def test_columns_follow_a_frame_only_where_there_is_something_in_them() -> None:
     coloured = pack(7, 5, 12.25, speeds, (True, True), poses, marks, (b"", b"\x00\x01", b"\x09\xff"))
     assert coloured[2] == 6
     assert coloured[56:] == b"\x00\x02\x01\x08\x00\x01\x09\xff"
+
+
+def test_heights_follow_the_poses_of_robots_that_have_any() -> None:
+    places = np.array([[1.5, 2.5], [-2.0, 3.0], [0.0, 12.5]])
+    x, y, z = places
+    heading, marks = np.array([0.25, 0.5]), (b"\x00\x02", b"\x01\x08")
+    poses = packed_poses(x, y, heading, np.array([nan, 12.5]))
+    frame = pack(7, 5, 12.25, (30.0, 29.5), (True, True), poses, marks, (b"", b"", b"\x00\x09"))
+    assert frame[2] == 4 | 8
+    assert struct.unpack_from("<8f", frame, 32) == (1.5, -2.0, 0.25, 2.5, 3.0, 0.5, 0.0, 12.5)
+    assert frame[64:] == b"\x00\x02\x01\x08\x00\x09"
+    assert places_of(poses, 2).tolist() == places.tolist()
+    assert places_of(packed_poses(x, y, heading), 2).tolist() == places[:2].tolist()
+    risen = packed_poses(x, y, heading, z + 1.0)
+    assert digest(risen, 2) != digest(poses, 2), "where all are is more than where they are on the map"
 
 
 def test_a_frame_in_which_nothing_has_moved_is_its_head() -> None:

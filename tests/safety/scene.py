@@ -116,7 +116,7 @@ class Scene:
     """Robots `r0`, `r1`, ... and operators, who join when they are first asked for. loss: share of what each receiver
     loses of everything; twice: what he hears twice; delay: s at most, which also changes the order. lease: the dead
     man's, s. tells: what robots have each other do. on_air: see `Node`. deaf: pairs of speaker and hearer between whom
-    nothing goes."""
+    nothing goes. vocabulary: of robots, whose first sensor says their number, and the others 0.5."""
 
     robots: int = 3
     loss: float = 0.0
@@ -130,6 +130,7 @@ class Scene:
     clock: ManualClock = field(default_factory=lambda: ManualClock(START))
     sent: list[bytes] = field(default_factory=list)
     deaf: set[tuple[str, str]] = field(default_factory=set)
+    vocabulary: Vocabulary = VOCABULARY
 
     def __post_init__(self) -> None:
         self.chance = Random(self.seed)
@@ -154,8 +155,9 @@ class Scene:
     def _robot(self, name: str, number: int, end: str = "") -> Robot:
         body = Body()
         session, wire = self._session(name, KEYS["r*"], robot=True, zero=self.clock.now(), end=end)
-        node = Node(name, VOCABULARY, number=number, body=body, lease=self.lease, tells=self.tells, on_air=self.on_air)
-        node.sense((float(number), 0.5), 0.0)
+        knows = self.vocabulary
+        node = Node(name, knows, number=number, body=body, lease=self.lease, tells=self.tells, on_air=self.on_air)
+        node.sense((float(number), *[0.5] * (len(knows.sensors) - 1)), 0.0)
         return Robot(node, session, wire, body)
 
     def another(self, name: str, number: int = 7) -> Robot:

@@ -20,6 +20,7 @@ from sleepcast.channel.message import TELEMETRY, Inspection
 from sleepcast.cli.watch import Window
 from sleepcast.console import Scene as Ground
 from sleepcast.console.adapters.channel import EMPTY, FleetAdapter, FleetMinds
+from sleepcast.console.frames import places_of
 from sleepcast.console.network import NetworkBackend
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import SleepcastError
@@ -551,6 +552,17 @@ def test_one_of_an_older_version_has_said_so_in_its_answer() -> None:
 def poses(fleet: FleetAdapter) -> dict[str, tuple[float, float, float]]:
     found = struct.unpack(f"<{3 * len(fleet.scene.names)}f", fleet.poses())
     return dict(zip(fleet.scene.names, zip(found[::3], found[1::3], found[2::3], strict=True), strict=True))
+
+
+def test_the_page_shows_how_high_robots_say_they_are() -> None:
+    axes = tuple(Quantity(axis, "m") for axis in "xyz")
+    scene = Scene(robots=2, vocabulary=Vocabulary("copter", sensors=axes))
+    desk, telemetry = looking(scene)
+    fleet = FleetAdapter(desk, telemetry, Ground("air", "", "robots", (), EMPTY, "m", ()), 1.0, START)
+    fleet.hear()
+    scene.run(1.0)
+    fleet.hear()
+    assert sorted(places_of(fleet.poses(), 2).T.tolist()) == [[0.0, 0.5, 0.5], [1.0, 0.5, 0.5]]
 
 
 def test_a_rule_that_robots_have_deactivated_is_known_until_their_telemetry_says_otherwise() -> None:

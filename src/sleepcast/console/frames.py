@@ -1,13 +1,14 @@
 """Frames: the picture of the moving swarm, as bytes for the page. `static/frame.js` reads them.
 
-Everything is little endian. A frame of n robots has 32 + 14 n bytes, and n more for each optional column that it holds:
+Everything is little endian. A frame of n robots has 32 + 14 n bytes, 4 n more where robots have heights, and n more for
+each optional column that follows:
 
     offset   type        meaning
     0        u8          2, the version of this layout
     1        u8          state: bit 0 time runs, bit 1 STOP is latched, bit 2 time cannot run yet: what ticks take is
                          being compiled, bit 3 time has not begun: it waits for the first command, or to be run
     2        u8          which columns follow after the flags, in this order: bit 0 pings, bit 1 second groups,
-                         bit 2 colours
+                         bit 2 colours; bit 3: whether robots have heights
     3        u8          1 if these 32 bytes are all: the rest is as in the frame before, and nobody has pinged
     4        u32         n
     8        u32         number of the frame; the page sends it back once the frame is drawn
@@ -17,8 +18,10 @@ Everything is little endian. A frame of n robots has 32 + 14 n bytes, and n more
     28       f32         speed that was reached in the last second or so
     32       f32 x 3n    x (m), y (m), heading (rad, counter-clockwise from x) of each robot in turn; heading NaN: it
                          has no known position and stands aside
-    32+12n   u8 x n      group: 0 for none, else the index of its newest group in the list of groups, from 1
-    32+13n   u8 x n      flags: bit 0 stopped, 1 frozen, 2 sleeping, 3 marked and showing it,
+    32+12n   f32 x n     z (m) of each robot, above the ground; only where bit 3 of byte 2 is set, else all are on it,
+                         and what follows stands here
+    ...      u8 x n      group: 0 for none, else the index of its newest group in the list of groups, from 1
+    ...      u8 x n      flags: bit 0 stopped, 1 frozen, 2 sleeping, 3 marked and showing it,
                          4 silent: its telemetry is stale, 5 it has used up what it drives with
     ...      u8 x n      pings: 0 for who has not pinged since the frame before, else the caste + 1
     ...      u8 x n      second group: as group, of who is in two or more
@@ -35,12 +38,14 @@ from numpy.typing import NDArray
 
 ALTERNATE = 255
 """The first byte of something else than a frame: where robots were in another future. Three bytes follow, then u32 n
-and f32 x 3n as in a frame."""
+and f32 x 3n as in a frame, without heights."""
 
 VERSION = 2
 Column: TypeAlias = NDArray[np.float64]
 
 _HEADER = struct.Struct("<BBBxIIIdff")
+FLAT = 12
+"""Bytes of the pose of a robot that has no height."""
 STOPPED, SILENT = 1, 16
 """Of the flags of a robot."""
 _STILL = b"\x01"
@@ -59,21 +64,25 @@ def pack(
     """A frame.
 
     speeds: wanted, reached
+    poses: as of `packed_poses`
     state: its bits in turn
     marks: group and flags of each robot
     columns: pings, second groups, colours; each empty where there is none
     """
+    count = len(marks[0])
     bits = sum(bit << index for index, bit in enumerate(state))
-    follow = sum(bool(column) << index for index, column in enumerate(columns))
-    header = _HEADER.pack(VERSION, bits, follow, len(marks[0]), number, tick & 0xFFFFFFFF, time, *speeds)
+    high = len(poses) > FLAT * count
+    follow = sum(there << index for index, there in enumerate((*map(bool, columns), high)))
+    header = _HEADER.pack(VERSION, bits, follow, count, number, tick & 0xFFFFFFFF, time, *speeds)
     return b"".join((header, poses, *marks, *columns))
 
 
-def packed_poses(x: Column, y: Column, heading: Column) -> bytes:
-    """x (m), y (m) and heading (rad, counter-clockwise from x) of each robot in turn, float32, little endian."""
+def packed_poses(x: Column, y: Column, heading: Column, z: Column | None = None) -> bytes:
+    """x (m), y (m) and heading (rad, counter-clockwise from x) of each robot in turn, then z (m) of each where robots
+    have one, NaN for who has not: float32, little endian."""
     poses = np.empty((len(x), 3), "<f4")
     poses[:, 0], poses[:, 1], poses[:, 2] = x, y, heading
-    return poses.tobytes()
+    return poses.tobytes() if z is None else poses.tobytes() + np.nan_to_num(z).astype("<f4").tobytes()
 
 
 def repeats(frame: bytes, before: bytes) -> bool:
@@ -87,6 +96,12 @@ def still(frame: bytes) -> bytes:
     return frame[:3] + _STILL + frame[4 : _HEADER.size]
 
 
-def alternate_frame(poses: bytes) -> bytes:
-    """Where robots were in another future."""
-    return struct.pack("<BxxxI", ALTERNATE, len(poses) // 12) + poses
+def alternate_frame(poses: bytes, count: int) -> bytes:
+    """Where so many robots were in another future; with empty poses, that it is not known."""
+    return struct.pack("<BxxxI", ALTERNATE, count if poses else 0) + poses[: FLAT * count]
+
+
+def places_of(poses: bytes, count: int) -> NDArray[np.float32]:
+    """Where so many robots are, of `packed_poses`: x, y and, where robots have heights, z (m), as rows of float32."""
+    numbers = np.frombuffer(poses, "<f4")
+    return np.vstack([numbers[: 3 * count].reshape(-1, 3)[:, :2].T, *numbers[3 * count :].reshape(-1, count)])

@@ -224,7 +224,7 @@ class Past:
 
     def _checks(self, after: int, until: int) -> dict[int, bytes]:
         poses = self.timeline.poses
-        half = 0.5 * self.tick
+        half, count = 0.5 * self.tick, len(self.timeline.scene.names)
         first = bisect_right(poses.times, after * self.tick + half)
         last = bisect_right(poses.times, until * self.tick + half)
-        return {tick: digest(data) for tick, data in poses.values[first:last]}
+        return {tick: digest(data, count) for tick, data in poses.values[first:last]}

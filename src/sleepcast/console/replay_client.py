@@ -16,8 +16,7 @@ from multiprocessing import connection, get_context
 from threading import Lock, Thread
 from typing import Literal
 
-import numpy as np
-
+from sleepcast.console.frames import places_of
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.records import dataclass
 from sleepcast.loop.rerun import Inputs
@@ -94,10 +93,10 @@ class ReplayAnswer:
     ended: bool = False
 
 
-def digest(poses: bytes) -> bytes:
-    """What tells poses from others: where everybody is. A recording has headings as quaternions, which are rounded."""
-    positions = np.frombuffer(poses, "<f4").reshape(-1, 3)[:, :2]
-    return hashlib.blake2b(positions.tobytes(), digest_size=16).digest()
+def digest(poses: bytes, count: int) -> bytes:
+    """What tells poses of so many robots from others: where everybody is. A recording has headings as quaternions,
+    which are rounded."""
+    return hashlib.blake2b(places_of(poses, count).tobytes(), digest_size=16).digest()
 
 
 class RerunError(SleepcastError):

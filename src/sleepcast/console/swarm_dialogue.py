@@ -103,7 +103,7 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
         tick, poses = (past.tick_of(timeline.seconds) + 1, b"") if picture is None else picture
         if tick != self._alternate_tick:
             self._alternate_tick = tick
-            yield alternate_frame(poses)
+            yield alternate_frame(poses, len(timeline.scene.names))
 
     def _news(self) -> Iterator[outgoing.DeskMessage]:
         look, past = self._look, self._desk.past

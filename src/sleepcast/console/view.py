@@ -258,7 +258,7 @@ class SwarmView(Protocol):
         """What the body of the robot with this index senses, None where nobody knows."""
 
     def poses(self) -> bytes:
-        """x (m), y (m) and heading (rad, counter-clockwise from x) of each robot in turn, float32, little endian."""
+        """Where robots are, as of `frames.packed_poses`."""
 
 
 class PaceControl(Protocol):

@@ -34,8 +34,8 @@ from sleepcast.station.network import NetworkStation
 from sleepcast.station.remote import RemoteMind, RemoteMinds, TelemetryClient
 from sleepcast.station.roster import longer
 
-X, Y, HEADING = "x", "y", "heading"
-"""The variables in which a robot says where it is (m, m, rad)."""
+X, Y, Z, HEADING = "x", "y", "z", "heading"
+"""The variables in which a robot says where it is (m, m, m, rad)."""
 MARGIN = 0.1
 """Of the width and the height of where robots are, left free around them."""
 LEAST_SIDE = 2.0
@@ -242,8 +242,7 @@ class FleetAdapter:
         raise MisuseError(f"Nobody tells of the field {name:.40}.")
 
     def poses(self) -> bytes:
-        """x (m), y (m) and heading (rad, counter-clockwise from x; NaN: it stands aside) of each robot in turn,
-        float32, little endian."""
+        """Where robots are, as of `packed_poses`; heading NaN: it stands aside."""
         x, y = self._places()
         heading = np.remainder(self.minds.named(HEADING), 2.0 * pi)
         lost = np.isnan(x)
@@ -251,7 +250,10 @@ class FleetAdapter:
         row, column = np.divmod(np.arange(np.count_nonzero(lost)), ROBOTS_PER_ROW)  # below the map
         x[lost] = left + (column + 0.5) * (right - left) / ROBOTS_PER_ROW
         y[lost] = low - (row + 0.6) * ROW * (high - low)
-        return packed_poses(x, y, np.where(lost, nan, np.nan_to_num(heading)))
+        z = self.minds.named(Z)
+        flying = ~lost & (np.abs(z) <= FARTHEST)
+        heights = np.where(flying, z, 0.0) if flying.any() else None
+        return packed_poses(x, y, np.where(lost, nan, np.nan_to_num(heading)), heights)
 
     def _places(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """x and y of each robot, m; NaN for both where its position is unknown."""

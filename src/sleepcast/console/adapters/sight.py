@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 
 from sleepcast.console.features.sight import MAX_SIGHT_LINES, Sense, SightLine, SightView
+from sleepcast.console.frames import places_of
 from sleepcast.console.timeline import Track
 from sleepcast.console.view import Outline
 from sleepcast.simulator import Scenario, Shape, Simulator
@@ -85,7 +86,7 @@ class RecordedSight:
             self._sight = LineOfSight(self._scenario, world, NumPyMachine(), places, self._radii)
             self._number = number
         _, poses = self._poses.at(time) or self._poses.values[0]
-        self._places[:] = np.frombuffer(poses, "<f4").reshape(-1, 3)[:, :2].T
+        self._places[:] = places_of(poses, len(self._radii))[:2]
         self._sight.moved = True
         return _Observer(self._scenario, self._sight, (self._places[0], self._places[1]), robot).view()
 

@@ -108,7 +108,7 @@ class SwarmAdapter:
         return sight_now(self._swarm.simulator, robot)
 
     def poses(self) -> bytes:
-        """x (m), y (m) and heading (rad, counter-clockwise from x) of each robot in turn, float32, little endian."""
+        """Where robots are, as of `packed_poses`."""
         simulator = self._swarm.simulator
         return packed_poses(*simulator.poses)
 

@@ -12,9 +12,10 @@ export const colourName = (number) => (number === 255 ? "another colour" : `colo
 
 const HEADER = 32;
 
-// One frame: {running, stopped, preparing, waiting, count, number, tick, time, wanted, achieved, poses, groups, flags, pings,
-// second, colours} with poses as x, y (m) and heading (rad) of every robot in turn, time in simulated seconds. The last three are
-// null where nobody has one, else they hold for each robot: its caste + 1 or 0, its second group or 0, its colour or 0.
+// One frame: {running, stopped, preparing, waiting, count, number, tick, time, wanted, achieved, poses, heights, groups, flags,
+// pings, second, colours} with poses as x, y (m) and heading (rad) of every robot in turn, time in simulated seconds. Heights and
+// the last three are null where nobody has one, else they hold for each robot: z (m), its caste + 1 or 0, its second group or 0,
+// its colour or 0.
 // before: the frame before, whose robots a short one repeats.
 export function decode(buffer, before) {
   const view = new DataView(buffer);
@@ -34,15 +35,17 @@ export function decode(buffer, before) {
     achieved: view.getFloat32(28, true),
   };
   if (view.getUint8(3) === 1) return { ...before, ...header, pings: null };
-  let end = HEADER + 14 * count;
-  const column = (bit) => (follow & bit ? new Uint8Array(buffer, (end += count) - count, count) : null);
+  let end = HEADER + 12 * count;
+  const heights = follow & 8 ? new Float32Array(buffer, (end += 4 * count) - 4 * count, count) : null;
+  const column = (there) => (there ? new Uint8Array(buffer, (end += count) - count, count) : null);
   return {
     ...header,
     poses: new Float32Array(buffer, HEADER, 3 * count),
-    groups: new Uint8Array(buffer, HEADER + 12 * count, count),
-    flags: new Uint8Array(buffer, HEADER + 13 * count, count),
-    pings: column(1),
-    second: column(2),
-    colours: column(4),
+    heights,
+    groups: column(true),
+    flags: column(true),
+    pings: column(follow & 1),
+    second: column(follow & 2),
+    colours: column(follow & 4),
   };
 }

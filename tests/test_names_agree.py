@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 
 from sleepcast.bridges.crazyflie.quadcopter import model_of as crazyflie
-from sleepcast.bridges.mavlink.model import COPTER, ROVER
+from sleepcast.bridges.mavlink.model import COPTER, PLANE, ROVER
 from sleepcast.bridges.mavlink.model import model_of as mavlink
+from sleepcast.bridges.mavlink.plane import MavlinkPlane
 from sleepcast.bridges.mavlink.vehicle import MavlinkVehicle
 from sleepcast.bridges.ros2.mapping import TURTLEBOT, read_mapping
 from sleepcast.bridges.ros2.robot import model_of as ros2
@@ -116,6 +117,7 @@ def bridges() -> Iterator[Names]:
     yield Names.of("crazyflie", crazyflie(LIMITS))
     for modes in (COPTER, ROVER):
         yield Names.of("mavlink", mavlink(modes, LIMITS, MavlinkVehicle))
+    yield Names.of("mavlink plane", mavlink(PLANE, LIMITS, MavlinkPlane))
     for base in BASES.values():
         yield Names.of(f"nomad {base.name}", nomad(base))
     yield Names.of("ros2", ros2(read_mapping(TURTLEBOT, "/robot1")))

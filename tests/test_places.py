@@ -143,6 +143,7 @@ FEATURES = {
         "a kind of message",
         r"\b_?HEARTBEAT\b",
         {
+            "bridges/mavlink/opening.py": "MAVLink has messages of this name",
             "bridges/mavlink/vehicle.py": "MAVLink has messages of this name",
             "api/session_test.py": "sees by them when an operator went away",
         },

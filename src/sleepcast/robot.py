@@ -69,6 +69,13 @@ class Limits:
             min(self.ceiling, others.ceiling),
         )
 
+    def holds(self, x: float, y: float, margin: float = 0.0) -> bool:
+        """Whether a place is within the fence, and no nearer to it than the margin; m."""
+        if self.fence is None:
+            return True
+        left, bottom, right, top = self.fence
+        return left + margin <= x <= right - margin and bottom + margin <= y <= top - margin
+
     def speed_before(self, room: float, lag: float) -> float:
         """The greatest speed, m/s, that still comes to rest within `room` m if braking begins `lag` s from now: of the
         way that `may_go_on` counts, v lag + v² / 2a."""

@@ -2,7 +2,9 @@
 
 It runs in the test's own process, where its time passes only when it is told to, or in one of its own:
 
-    python mavlink_vehicle.py PORT PHRASE [rover|copter]      sends to 127.0.0.1:PORT, as vehicles do to ground stations
+    python mavlink_vehicle.py PORT PHRASE [rover|copter|plane]
+
+It sends to 127.0.0.1:PORT, as vehicles do to ground stations.
 
 A line "reboot" on its standard input starts it anew, "mute" takes its voice, "speak" gives it back, "mode NUMBER" is
 its pilot's switch, "text WORDS" has it say these, and from "refuse" to "allow" it lets nobody arm it. It prints its
@@ -18,7 +20,7 @@ import sys
 import time
 from contextlib import suppress
 from io import FileIO
-from math import cos, degrees, pi, radians, sin
+from math import atan, cos, degrees, pi, radians, sin
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -26,8 +28,13 @@ from pyproj import Geod
 
 HOME = (36.6, -121.9)
 EARTH = Geod(ellps="WGS84")
-GUIDED = {"rover": 15, "copter": 4}
+GUIDED = {"rover": 15, "copter": 4, "plane": 15}
+TYPES = {"rover": 10, "copter": 2, "plane": 1}
 LAND = 9
+AUTO, LOITER, TAKEOFF = 10, 12, 13
+"""Modes of a plane."""
+AIRSPEEDS, PACE, TIGHTEST, RADIUS = (9.0, 22.0), 15.0, 40.0, 60.0
+"""m/s that a plane accepts, and flies at first; m: radius of its turns, and of its circles."""
 GROUND = 120.0
 """m above the sea, where it starts."""
 VERTICALLY = 2.0
@@ -49,13 +56,16 @@ class Vehicle:
         self.heard: list[str] = []
         self.refuse: set[int] = set()
         self.deaf: set[int] = set()
-        self.fastest = 9.0
+        self.fastest = PACE if kind == "plane" else 9.0
+        self.lands = False
+        """Whether the mission of a plane has a landing."""
         self.reboot()
 
     def reboot(self) -> None:
         self.time = self.forward = self.right = self.climb = self.turn = 0.0
         self.rest_at, self.mode, self.armed = -1.0, 0, False
         self.target: tuple[float, float, float] | None = None
+        self.radius = RADIUS
         self.rising: float | None = None
         self.due = dict.fromkeys(("heartbeat", "position", "state"), 0.0)
         self.mav = dialect.MAVLink(None, SYSTEM, 1)
@@ -74,7 +84,7 @@ class Vehicle:
     def obey(self, message: Any) -> list[Any]:
         kind = message.get_type()
         self.heard.append(kind)
-        if kind == "COMMAND_LONG" and message.command not in self.deaf:
+        if kind in ("COMMAND_LONG", "COMMAND_INT") and message.command not in self.deaf:
             self.orders.append((message.command, message.param2 if message.command == 176 else message.param1))
             result = 2 if message.command in self.refuse else 4 if self.fails(message) else 0
             if not result:
@@ -94,13 +104,21 @@ class Vehicle:
         self.mode = mode
         self.forward = self.right = self.turn = self.climb = 0.0
         self.target = self.rising = None
+        if self.kind == "plane" and self.flies:
+            self.forward, self.radius = self.fastest, RADIUS
+            self.target = self.latitude, self.longitude, self.height
 
     @property
     def flies(self) -> bool:
-        return self.kind == "copter" and self.height > 0.05
+        return self.kind != "rover" and self.height > 0.05
 
     def fails(self, message: Any) -> bool:
-        """A copter takes off from the ground, armed and in GUIDED, and is not armed while it is in LAND."""
+        """A copter takes off from the ground, armed and in GUIDED, and is not armed while it is in LAND. A plane goes
+        to places in GUIDED, at airspeeds that it can fly, and lands if its mission says how."""
+        if self.kind == "plane":
+            at = message.param1 == 0.0 and AIRSPEEDS[0] <= message.param2 <= AIRSPEEDS[1]
+            follows = self.mode == GUIDED["plane"]
+            return not {178: at and follows, 192: follows, 189: self.lands, 22: False}.get(message.command, True)
         if message.command == 22:
             return self.mode != GUIDED[self.kind] or not self.armed or self.flies
         return message.command == 400 and message.param1 == 1.0 and (self.kind, self.mode) == ("copter", LAND)
@@ -114,12 +132,20 @@ class Vehicle:
             self.fastest = message.param2
         elif message.command == 22:
             self.rising = message.param7
+        elif message.command == 192:
+            self.target, self.radius = (message.x / 1e7, message.y / 1e7, message.z), message.param3
+        elif message.command == 189:
+            self.change_mode(AUTO)
+            self.target = (*HOME, 0.0)
 
     # ---- what it does
 
     def advance(self, seconds: float) -> list[bytes]:
         """What it says on the way."""
         self.time += seconds
+        if self.kind == "plane":
+            self.fly(seconds)
+            return self.go(seconds)
         if self.time > self.rest_at:
             self.forward = self.right = self.turn = self.climb = 0.0
         if self.rising is not None:
@@ -132,6 +158,34 @@ class Vehicle:
             self.heading, self.forward = radians(azimuth), min(self.fastest, far)
             self.climb = max(-VERTICALLY, min(VERTICALLY, (self.target[2] - self.height) / max(seconds, 0.01)))
             self.rest_at = self.time + LATE
+        return self.go(seconds)
+
+    def fly(self, seconds: float) -> None:
+        """Of a plane: it circles around its target, clockwise, and climbs or sinks to its height on the way."""
+        self.turn = self.climb = 0.0
+        if not self.armed:
+            self.forward = 0.0
+            return
+        if self.mode == TAKEOFF and not self.flies:
+            self.forward, self.target = self.fastest, (*self.ahead(200.0), 50.0)
+            self.height = 0.1
+        if self.target is None or not self.flies:
+            return
+        azimuth, _, far = EARTH.inv(self.target[1], self.target[0], self.longitude, self.latitude)
+        course = radians(azimuth) + pi / 2.0 + atan(0.02 * (far - self.radius))
+        aside = (course - self.heading + pi) % (2.0 * pi) - pi
+        most = self.fastest / TIGHTEST
+        self.turn = max(-most, min(most, aside / max(seconds, 0.01)))
+        self.climb = max(-VERTICALLY, min(VERTICALLY, (self.target[2] - self.height) / max(seconds, 0.01)))
+        if self.mode == AUTO and self.height < 0.5:
+            self.armed, self.height, self.forward = False, 0.0, 0.0
+
+    def ahead(self, far: float) -> tuple[float, float]:
+        """Latitude and longitude of a place so many m ahead."""
+        longitude, latitude, _ = EARTH.fwd(self.longitude, self.latitude, degrees(self.heading), far)
+        return latitude, longitude
+
+    def go(self, seconds: float) -> list[bytes]:
         self.heading += self.turn * seconds
         self.height += self.climb * seconds
         for speed, aside in ((self.forward, 0.0), (self.right, pi / 2.0)):
@@ -149,8 +203,7 @@ class Vehicle:
         return said
 
     def heartbeat(self) -> list[Any]:
-        kind = 10 if self.kind == "rover" else 2
-        return [self.mav.heartbeat_encode(kind, 3, 1 | 128 * self.armed, self.mode, 4)]
+        return [self.mav.heartbeat_encode(TYPES[self.kind], 3, 1 | 128 * self.armed, self.mode, 4)]
 
     def position(self) -> list[Any]:
         now, heading = int(self.time * 1000), self.heading % (2.0 * pi)
@@ -169,14 +222,20 @@ class Vehicle:
         return [
             self.mav.sys_status_encode(0, 0, 0, 0, 12_600, -1, 80, 0, 0, 0, 0, 0, 0),
             self.mav.gps_raw_int_encode(0, 3, 0, 0, 0, 0, 0, 0, 0, 11),
-            *([self.mav.extended_sys_state_encode(0, self.landed())] if self.kind == "copter" else []),
+            *([self.mav.extended_sys_state_encode(0, self.landed())] if self.kind != "rover" else []),
         ]
 
     def landed(self) -> int:
         """As ArduPilot's copters tell it: on the ground, in the air, taking off, landing."""
         if not self.flies:
             return 1
-        return 4 if self.mode == LAND else 2 if self.rising is None or self.height >= self.rising else 3
+        return (
+            4
+            if (self.kind, self.mode) == ("copter", LAND)
+            else 2
+            if self.rising is None or self.height >= self.rising
+            else 3
+        )
 
     def pack(self, message: Any) -> bytes:
         self.mav.seq = (self.mav.seq + 1) % 256

@@ -24,7 +24,8 @@ from processes import live_in
 from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
 from sleepcast.bridges.body import ROUND, UNATTENDED, BridgedBody, FencedError
 from sleepcast.bridges.mavlink.link import MavlinkConnection
-from sleepcast.bridges.mavlink.model import COPTER, ROVER
+from sleepcast.bridges.mavlink.model import COPTER, PLANE, ROVER
+from sleepcast.bridges.mavlink.plane import MavlinkPlane
 from sleepcast.bridges.mavlink.vehicle import OTHERS, MavlinkVehicle
 from sleepcast.channel import Kind, Message
 from sleepcast.core.clock import ManualClock
@@ -38,6 +39,7 @@ from sleepcast.testing.robot_contract import BridgeContract, BridgeRig, HoverCon
 
 VEHICLE = Path(__file__).with_name("mavlink_vehicle.py")
 KEY, OTHER = (hashlib.sha256(phrase).digest() for phrase in (b"fleet key", b"another"))
+OF_PLANES = Limits(speed=15.0, turn_rate=1.0, acceleration=4.0, climb=1.0, floor=30.0, ceiling=120.0)
 LIMITS = Limits(speed=2.0, turn_rate=1.0, acceleration=2.0, climb=1.0, floor=0.5, ceiling=30.0)
 
 
@@ -87,10 +89,11 @@ class MavlinkRig(BridgeRig):
     ) -> None:
         self.vehicle, clock = vehicle or Vehicle(kind, KEY), ManualClock(1_000.0)
         self.loop, self.time = Loop(self.vehicle), clock
-        modes = ROVER if kind == "rover" else COPTER
+        modes = {"rover": ROVER, "copter": COPTER, "plane": PLANE}[kind]
         link = MavlinkConnection(self.loop, 255, 190, key)
-        self.vehicle_body = MavlinkVehicle(
-            link, 1, modes, LIMITS, failsafe=failsafe, origin=Origin(*HOME), altitude=altitude, clock=clock
+        body, limits = (MavlinkPlane, OF_PLANES) if kind == "plane" else (MavlinkVehicle, LIMITS)
+        self.vehicle_body = body(
+            link, 1, modes, limits, failsafe=failsafe, origin=Origin(*HOME), altitude=altitude, clock=clock
         )
 
         def switch(whole: bool) -> Callable[[], None]:
@@ -892,7 +895,7 @@ def test_an_address_that_is_wrong(tail: str, error: str, tmp_path: Path, monkeyp
 
 
 def test_a_vehicle_that_there_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sleepcast.bridges.mavlink.vehicle.PATIENCE", 0.2)
+    monkeypatch.setattr("sleepcast.bridges.mavlink.opening.PATIENCE", 0.2)
     with pytest.raises(OutOfReachError, match=r"vehicle 3 was not heard at 127\.0\.0\.1:9 in 0.2 s"):
         open_robot("mavlink://127.0.0.1:9?unsigned=yes#3")
     with pytest.raises(BodyError, match="no --lockstep"):
@@ -903,7 +906,7 @@ def test_a_flight_controller_that_only_sends_telemetry_is_named(monkeypatch: pyt
     """As Betaflight 4.6 does: in MAVLink 1, from system 0."""
     from pymavlink.dialects.v10 import common
 
-    monkeypatch.setattr("sleepcast.bridges.mavlink.vehicle.PATIENCE", 2.0)
+    monkeypatch.setattr("sleepcast.bridges.mavlink.opening.PATIENCE", 2.0)
     port, stranger, ended = free_port(), common.MAVLink(None, 0, 200), Event()
     beat = stranger.heartbeat_encode(2, 0, 64, 1, 3).pack(stranger)
 

@@ -109,11 +109,13 @@ def functions(body: type[Hovering]) -> tuple[HostFunction, ...]:
     )
 
 
-def check_place(limits: Limits, x: float, y: float) -> None:
-    """Raise FencedError for a place (m) outside of the fence, MisuseError for one that is too far away."""
-    fence = limits.fence
-    if fence is not None and not (fence[0] <= x <= fence[2] and fence[1] <= y <= fence[3]):
+def check_place(limits: Limits, x: float, y: float, circle: float = 0.0) -> None:
+    """Raise FencedError for a place (m) outside of the fence, MisuseError for one that is too far away. circle: radius
+    of the one that is flown around it, m."""
+    if not limits.holds(x, y):
         raise FencedError(f"({x:g}, {y:g}) m lies outside of the fence")
+    if not limits.holds(x, y, circle):
+        raise FencedError(f"its circle of {circle:g} m around ({x:g}, {y:g}) m passes the fence")
     if not hypot(x, y) <= FARTHEST:
         raise MisuseError(f"({x:g}, {y:g}) m is farther than {FARTHEST:g} m from the origin")
 

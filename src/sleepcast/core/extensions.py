@@ -27,7 +27,7 @@ OWN = "sleepcast"
 BUILT_IN: dict[str, dict[str, str]] = {
     BODIES: {
         "crazyflie": "sleepcast.bridges.crazyflie.quadcopter:open_body",
-        "mavlink": "sleepcast.bridges.mavlink.vehicle:open_body",
+        "mavlink": "sleepcast.bridges.mavlink.opening:open_body",
         "nomad": "sleepcast.nomad.bridge.model:open_body",
         "ros2": "sleepcast.bridges.ros2.robot:open_body",
         "sim": "sleepcast.cli.simulated_body:open_body",

@@ -1,4 +1,5 @@
-"""What a vehicle that speaks MAVLink answers to: a copter to what all that hover do, with modes of its own; a rover."""
+"""What a vehicle that speaks MAVLink answers to: a copter to what all that hover do, with modes of its own; a rover; a
+plane, which is driven to places only."""
 
 from __future__ import annotations
 
@@ -11,11 +12,24 @@ from sleepcast.bridges.hovering import SELDOM, Hovering
 from sleepcast.core.model import HostFunction, Quantity
 from sleepcast.robot import BodyConstant, Geometry, Limits, RobotModel
 
-GUIDED, LAND = "GUIDED", "LAND"
+GUIDED, LAND, TAKEOFF = "GUIDED", "LAND", "TAKEOFF"
 COPTER = {"STABILIZE": 0, "ALT_HOLD": 2, "AUTO": 3, GUIDED: 4, "LOITER": 5, "RTL": 6, LAND: 9, "BRAKE": 17}
 ROVER = {"MANUAL": 0, "HOLD": 4, "LOITER": 5, "AUTO": 10, "RTL": 11, GUIDED: 15}
+PLANE = {
+    "MANUAL": 0,
+    "CIRCLE": 1,
+    "STABILIZE": 2,
+    "FBWA": 5,
+    "FBWB": 6,
+    "CRUISE": 7,
+    "AUTO": 10,
+    "RTL": 11,
+    "LOITER": 12,
+    TAKEOFF: 13,
+    GUIDED: 15,
+}
 """Numbers of ArduPilot's modes."""
-MODES = {**dict.fromkeys((2, 3, 4, 13, 14, 15, 29, 35), COPTER), **dict.fromkeys((10, 11), ROVER)}
+MODES = {**dict.fromkeys((2, 3, 4, 13, 14, 15, 29, 35), COPTER), **dict.fromkeys((10, 11), ROVER), 1: PLANE}
 """Of each type of vehicle that MAVLink has a number for, and that is known here."""
 
 OWN = (
@@ -33,6 +47,15 @@ ON_GROUND = (
 IN_AIR = (*ON_GROUND, "z", "flying")
 
 
+OF_PLANES = {
+    "TAKEOFF": "Chooses its mode TAKEOFF, arms, and then circles at this height.",
+    "LAND": "Lands as its own mission says.",
+    "GOTO": "Goes to a place and circles around it, at its own height if z is not given.",
+    "CLIMB": "Is a fault: a plane does not hover.",
+}
+"""What functions do on planes."""
+
+
 class Vehicle(Hovering, Protocol):
     """What expressions may ask of a vehicle; a rover answers to what can be done on the ground."""
 
@@ -42,14 +65,16 @@ class Vehicle(Hovering, Protocol):
 
 def model_of(modes: dict[str, int], limits: Limits, body: type[Vehicle]) -> RobotModel:
     """Of vehicles with these modes, whose bodies are of this class."""
-    is_rover = modes is ROVER
+    name, measured, driven = ("rover", ON_GROUND, 2) if modes is ROVER else ("copter", IN_AIR, None)
+    if modes is PLANE:  # follows places, and no speeds
+        name, driven = "plane", 0
     known = {quantity.name: quantity for quantity in (*hovering.sensors(limits), *OWN)}
     functions = functions_of(modes, body)
     called = {function.name for function in functions}
     return RobotModel(
-        "rover" if is_rover else "copter",
-        tuple(known[name] for name in (ON_GROUND if is_rover else IN_AIR)),
-        hovering.actuators(limits)[: 2 if is_rover else None],
+        name,
+        tuple(known[each] for each in measured),
+        hovering.actuators(limits)[:driven],
         functions,
         limits,
         Geometry(0.5),
@@ -70,4 +95,6 @@ def functions_of(modes: dict[str, int], body: type[Vehicle]) -> tuple[HostFuncti
     if modes is ROVER:
         go_to = replace(common["GOTO"], arguments="x y height", doc="Goes to a place, at this height if it flies.")
         return common["ARM"], common["DISARM"], set_mode, go_to
+    if modes is PLANE:
+        common |= {name: replace(common[name], doc=doc) for name, doc in OF_PLANES.items()}
     return set_mode, *(replace(each, value=modes.get(each.name)) for each in common.values())

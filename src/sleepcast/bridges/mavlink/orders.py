@@ -13,13 +13,18 @@ from math import inf
 from sleepcast.core.records import dataclass
 
 SET_MODE, ARM_DISARM, TAKEOFF, CHANGE_SPEED, INTERVAL = 176, 400, 22, 178, 511
+REPOSITION, LAND_START = 192, 189
 NAMES = {
     SET_MODE: "the mode",
     ARM_DISARM: "arming or disarming",
     TAKEOFF: "taking off",
     CHANGE_SPEED: "its speed",
     INTERVAL: "its messages",
+    REPOSITION: "where to circle",
+    LAND_START: "the landing of its mission",
 }
+WITH_PLACE = frozenset({REPOSITION})
+"""Orders that name a place on the Earth."""
 RESULTS = ("accepted", "refused for now", "denied", "not supported", "failed", "in progress", "cancelled")
 IN_PROGRESS = 5
 ORDER_AGAIN, ORDER_SECONDS = 0.3, 1.5
@@ -35,8 +40,9 @@ AT_ONCE, ASKED, MESSAGES = "", "asked", "messages"
 class PendingCommand:
     """A command of MAVLink that waits for its answer.
 
-    parameters: seven of them.
+    parameters: seven of them; a place in them is in degrees times 10^7.
     tick: of the mind that has asked for it.
+    mode: the one in which the vehicle is once it has accepted this, None if that stays.
     sent: how often.
     again: when it is sent next, s.
     end: when it is given up, s.
@@ -46,6 +52,7 @@ class PendingCommand:
     parameters: tuple[float, ...]
     queue: str
     tick: int
+    mode: int | None = None
     sent: int = 0
     again: float = -inf
     end: float = inf
@@ -54,16 +61,11 @@ class PendingCommand:
     def name(self) -> str:
         return NAMES[self.command]
 
-    @property
-    def mode(self) -> int | None:
-        """The mode that is ordered, if one is."""
-        return int(self.parameters[1]) if self.command == SET_MODE else None
-
 
 class Orders:
-    """See the module. send: sends a command, with how often it was sent before, and its parameters."""
+    """See the module. send: sends a command, which knows how often it was sent before."""
 
-    def __init__(self, send: Callable[[int, int, tuple[float, ...]], None]) -> None:
+    def __init__(self, send: Callable[[PendingCommand], None]) -> None:
         self._send = send
         self._waiting: list[PendingCommand] = []
 
@@ -98,7 +100,7 @@ class Orders:
             if now >= order.end:
                 failed.append(order)
             elif now >= order.again:
-                self._send(order.command, order.sent, order.parameters)
+                self._send(order)
                 order.end = min(order.end, now + ORDER_SECONDS)
                 order.sent, order.again = order.sent + 1, now + ORDER_AGAIN
         return failed

@@ -1,4 +1,4 @@
-"""Vehicles that speak MAVLink 2 (rovers, boats and copters with ArduPilot) as bodies: `mavlink://HOST:PORT#SYSTEM`.
+"""Vehicles that speak MAVLink 2 (rovers, boats and copters with ArduPilot) as bodies; `plane` has what planes do.
 
 The vehicle flies itself; a mind gives it setpoints while it is in the mode GUIDED: velocities, or places. Positions
 come by GPS, and are metres around an origin; heights count from where the vehicle started. `body` has what this shares
@@ -23,22 +23,24 @@ from functools import partial
 from math import cos, hypot, inf, isfinite, isnan, nan, pi, remainder, sin
 from typing import Any
 
-from sleepcast.bridges import Opening, hovering
-from sleepcast.bridges.address import BodyError, read_body_address
-from sleepcast.bridges.body import FRESH, PATIENCE, REST, BridgedBody, Motion, OutOfReachError
-from sleepcast.bridges.mavlink.link import LINK, MavlinkConnection, open_link, system_of
-from sleepcast.bridges.mavlink.model import GUIDED, LAND, MODES, ROVER, model_of
+from sleepcast.bridges import hovering
+from sleepcast.bridges.body import FRESH, REST, BridgedBody, Motion, OutOfReachError
+from sleepcast.bridges.mavlink.link import MavlinkConnection
+from sleepcast.bridges.mavlink.model import GUIDED, LAND, ROVER, model_of
 from sleepcast.bridges.mavlink.orders import (
     ARM_DISARM,
     ASKED,
     AT_ONCE,
     CHANGE_SPEED,
     INTERVAL,
+    LAND_START,
     MESSAGES,
     ORDER_SECONDS,
+    REPOSITION,
     RESULTS,
     SET_MODE,
     TAKEOFF,
+    WITH_PLACE,
     Orders,
     PendingCommand,
 )
@@ -47,25 +49,8 @@ from sleepcast.core.errors import MisuseError, printable
 from sleepcast.core.geodesy import LocalMap, Origin
 from sleepcast.robot import Limits, Reading
 
-EXAMPLE = "mavlink://0.0.0.0:14550?listen=yes&key=vehicle.key#1"
-PORT = 14_550
-SETTINGS = {
-    **LINK,
-    "failsafe": "loiter",
-    "origin": "",
-    "speed": "2",
-    "turn_rate": "1",
-    "acceleration": "2",
-    "ceiling": "30",
-    "floor": "0.5",
-    "height": "",
-    "altitude": "",
-}
-"""What can be set in a URI, and what holds otherwise. Speeds in m/s and rad/s; ceiling, floor, and the height of a
-take-off (`USUAL`, or the ceiling if that is lower): m above where it started; altitude of z = 0: m above the sea."""
 USUAL = 5.0
-LOWEST = -1e4
-"""m: floors and altitudes may lie below 0."""
+"""m: the height of a take-off."""
 GCS_SYSTEM_ID, GCS_COMPONENT_ID = 255, 190
 """How we call ourselves: the usual numbers of a ground station."""
 SILENT = 2.0
@@ -85,15 +70,10 @@ MAX_STATUS_TEXT = 60
 """Characters of what a vehicle says."""
 MAX_SENTENCES = 100
 """Whose times are remembered: a vehicle may say anything."""
-HIGHEST_CLIMB = 1.0
-"""m/s."""
-
-AUTOPILOT = 3
-"""ArduPilot."""
-FAILSAFES = ("loiter", "rtl", "land")
-
 RATES = {33: 10.0, 30: 10.0, 1: 1.0, 24: 1.0}
 """Messages that we need, by number (GLOBAL_POSITION_INT, ATTITUDE, SYS_STATUS, GPS_RAW_INT), and how often, 1/s."""
+BEGUN_BY = {TAKEOFF: "takeoff", REPOSITION: "goto", LAND_START: "land"}
+"""The motion that comes to nothing with an order."""
 LANDED_STATE = {245: 4.0}
 """The same of what can fly (EXTENDED_SYS_STATE)."""
 FLYING = {1: 0.0, 2: 1.0, 3: 1.0, 4: 1.0}
@@ -118,6 +98,8 @@ class MavlinkVehicle(BridgedBody):
 
     RESTING = 0.3
     """What a GPS tells of a vehicle that stands."""
+    CIRCLE: float = 0.0
+    """m: the radius in which it circles around a place; 0 for one that can stand there."""
 
     def __init__(
         self,
@@ -132,8 +114,9 @@ class MavlinkVehicle(BridgedBody):
         height: float = USUAL,
         clock: Clock | None = None,
     ) -> None:
-        super().__init__(model_of(modes, limits, MavlinkVehicle), clock=clock)
+        super().__init__(model_of(modes, limits, type(self)), clock=clock)
         self._link, self._system, self._modes = link, system, modes
+        self._flies = modes is not ROVER
         self._altitude, self._usual = altitude, height
         self._names = {number: name for name, number in modes.items()}
         self._standing = modes["HOLD" if modes is ROVER else "LOITER"]
@@ -217,16 +200,24 @@ class MavlinkVehicle(BridgedBody):
         if self._orders.waits(ASKED):
             return
         anew, self._begun = motion is not self._begun, motion
-        if self._mode != self._modes[GUIDED] or not self._armed:
-            if self._current is not REST and motion is not self.failsafe:
-                self._unfollowed = self._current
-        elif motion.sort == "takeoff":
+        if self._armed and self._mode == self.mode_for(motion):
+            self.follow(motion, anew)
+        elif self._current is not REST and motion is not self.failsafe:
+            self._unfollowed = self._current
+
+    def mode_for(self, motion: Motion) -> int:
+        """The mode in which it follows a motion."""
+        return self._modes[GUIDED]
+
+    def follow(self, motion: Motion, anew: bool) -> None:
+        """Send a motion in its mode. anew: for the first time."""
+        if motion.sort == "takeoff":
             if anew:
                 self._order(TAKEOFF, *(0.0,) * 6, motion.values[0], queue=ASKED, tick=self._tick)
-        else:
-            if motion.sort == "goto" and anew:  # else it would go as fast as its own settings allow
-                self._order(CHANGE_SPEED, 1.0, self.model.limits.speed, -1.0, queue=ASKED, tick=self._tick)
-            self._set_point(motion)
+            return
+        if motion.sort == "goto" and anew:  # else it would go as fast as its own settings allow
+            self._order(CHANGE_SPEED, 1.0, self.model.limits.speed, -1.0, queue=ASKED, tick=self._tick)
+        self._set_point(motion)
 
     def _claim_mode(self, motion: Motion) -> None:
         """Bring it, by STOP, a hold or the failsafe, into the mode in which it stands or is safe: until it is there, or
@@ -270,6 +261,8 @@ class MavlinkVehicle(BridgedBody):
         """Whether an order may set it in motion, or is not that of a STOP."""
         if order.command == ARM_DISARM:
             return order.parameters[0] == 1.0
+        if order.command == REPOSITION:  # a plane at rest is told where to circle
+            return order.queue == ASKED
         return order.queue != MESSAGES and order.mode != self._standing
 
     @staticmethod
@@ -347,35 +340,43 @@ class MavlinkVehicle(BridgedBody):
                 self._motion = REST
 
     def go_to(self, x: float, y: float, z: float = nan) -> None:
-        hovering.check_place(self.model.limits, x, y)
+        hovering.check_place(self.model.limits, x, y, self.CIRCLE)
         if self._map is None:
             raise MisuseError("the vehicle has not said yet where it is")
         height = self._values.get("height", nan)
-        if isfinite(z) and self.model.hovers:
+        if isfinite(z) and self._flies:
             height += z - self._values.get("z", nan)
             hovering.check_height(self.model.limits, height)
         self.move(Motion("goto", (x, y, height)))
 
     def take_off(self, height: float = nan) -> None:
-        """In the mode of somebody else it is in the hands of its pilot, who would lose it by this."""
         wanted = self._usual if isnan(height) else height
         hovering.check_height(self.model.limits, wanted)
-        if self._armed and not self._is_ours():
-            raise MisuseError(f"somebody else has put it into {self._mode_name()}: (SET_MODE GUIDED) takes it from him")
+        self.check_hands()
         if self._stopped:
             return
-        self.send(partial(self._make_ready, self._tick))
-        known = self._sensed()
-        if known.get("flying") == 1.0:  # where it is, since a vehicle that flies takes off no more
-            self.move(Motion("goto", (known["x"], known["y"], wanted)))
+        self.send(partial(self.make_ready, self._tick))
+        if self._sensed().get("flying") == 1.0:  # where it is, since a vehicle that flies takes off no more
+            self.move(Motion("goto", (*self.here(), wanted)))
         elif (self._motion.sort, self._motion.values) != ("takeoff", (wanted,)):  # a rule says it in every tick
             self.move(Motion("takeoff", (wanted,)))
+
+    def here(self) -> tuple[float, float]:
+        """x and y (m) of the place at which it stays if it stays where it is; NaN for unknown."""
+        known = self._sensed()
+        return known.get("x", nan), known.get("y", nan)
+
+    def check_hands(self) -> None:
+        """Raise MisuseError in the mode of somebody else: it is in the hands of its pilot, who would lose it."""
+        if self._armed and not self._is_ours():
+            raise MisuseError(f"somebody else has put it into {self._mode_name()}: (SET_MODE GUIDED) takes it from him")
 
     def touch_down(self) -> None:
         if not self._stopped:
             self.set_mode(self._modes[LAND])
 
-    def _make_ready(self, tick: int) -> None:
+    def make_ready(self, tick: int) -> None:
+        """Ask for the mode in which it takes off, and to arm. tick: of the mind."""
         self._ask_for_mode(self._modes[GUIDED], tick)
         if not self._armed:
             self._ask_to_arm(tick)
@@ -398,27 +399,36 @@ class MavlinkVehicle(BridgedBody):
     # ---- what is sent
 
     def _ask_for_messages(self) -> None:
-        for number, rate in {**RATES, **(LANDED_STATE if self._hovers else {})}.items():
+        for number, rate in {**RATES, **(LANDED_STATE if self._flies else {})}.items():
             self._order(INTERVAL, float(number), 1e6 / rate, queue=MESSAGES)
 
-    def _order(self, command: int, *parameters: float, queue: str = AT_ONCE, tick: int = 0) -> None:
-        """Send a command, and again until it is answered. tick: of the mind that wants it."""
+    def _order(
+        self, command: int, *parameters: float, queue: str = AT_ONCE, tick: int = 0, mode: int | None = None
+    ) -> None:
+        """Send a command, and again until it is answered. tick: of the mind that wants it; mode: see
+        `PendingCommand`."""
         filled = (*parameters, *(0.0,) * (7 - len(parameters)))
-        order = PendingCommand(command, filled, queue, tick)
+        order = PendingCommand(command, filled, queue, tick, int(filled[1]) if command == SET_MODE else mode)
         if not self._orders.add(self._clock.now(), order):
             self._fail(order, "too many orders wait for an answer: it was not sent the one about {}")
 
-    def _send_command(self, command: int, again: int, parameters: tuple[float, ...]) -> None:
-        if command == SET_MODE:
-            self._ordered = int(parameters[1])
+    def _send_command(self, order: PendingCommand) -> None:
+        if order.mode is not None:
+            self._ordered = order.mode
             self._sent[self._ordered] = self._clock.now()
-        self._link.send(self._link.mav.command_long_encode(self._system, 1, command, again % 256, *parameters))
+        mav, head = self._link.mav, (self._system, 1)
+        if order.command in WITH_PLACE:  # numbers of four bytes are too few for degrees
+            *before, latitude, longitude, height = order.parameters
+            place = int(latitude), int(longitude), height
+            self._link.send(mav.command_int_encode(*head, EARTH_FRAME, order.command, 0, 0, *before, *place))
+        else:
+            self._link.send(mav.command_long_encode(*head, order.command, order.sent % 256, *order.parameters))
 
     def _fail(self, order: PendingCommand, sentence: str) -> None:
         """An order has come to nothing. sentence: with a place for its name."""
         others = [other.name for other in self._orders.end(order)]
         with self._lock:
-            if order.command == TAKEOFF and self._motion.sort == "takeoff":
+            if order.queue == ASKED and self._motion.sort == BEGUN_BY.get(order.command):
                 self._motion = REST
         if order.command != INTERVAL:
             after = f"; {' and '.join(others)}, asked for with it, {'is' if len(others) == 1 else 'are'} left out"
@@ -569,58 +579,3 @@ class MavlinkVehicle(BridgedBody):
 
     def _refusals(self) -> str:
         return "".join(f"; {sentence}" for sentence in self._link.complaints())
-
-
-def open_body(uri: str, opening: Opening) -> MavlinkVehicle:
-    """The vehicle at `mavlink://HOST:PORT#SYSTEM`, which listens there, or, with `listen=yes`, sends to there. Raises
-    BodyError, OutOfReachError.
-
-    Its setting `key` names a file with the phrase of its signing key, without which `unsigned=yes` must be given.
-    """
-    address = read_body_address(uri, EXAMPLE, SETTINGS)
-    system = system_of(address)
-    if opening.in_step:
-        raise BodyError(f"{uri!r:.100}: real vehicles cannot run in lockstep: no --lockstep")
-    failsafe = address.choice("failsafe", FAILSAFES).upper()
-    origin = Origin.read(address.settings["origin"]) if address.settings["origin"] else None
-    speed, turn, acceleration = (address.number(name, most=100.0) for name in ("speed", "turn_rate", "acceleration"))
-    ceiling = address.number("ceiling", most=10_000.0, unit="m")
-    floor = address.number("floor", LOWEST, ceiling, "m")
-    height = address.number("height", floor, ceiling, "m") if address.settings["height"] else min(USUAL, ceiling)
-    limits = Limits(speed, turn, acceleration, climb=HIGHEST_CLIMB, floor=floor, ceiling=ceiling)
-    altitude = address.number("altitude", LOWEST, -LOWEST, "m") if address.settings["altitude"] else nan
-    link = open_link(address, PORT, GCS_SYSTEM_ID, GCS_COMPONENT_ID)
-    try:
-        heartbeat = _meet(link, system, f"{address.host}:{address.port or PORT}")
-        modes = MODES[heartbeat.type]
-        if failsafe not in modes:
-            raise BodyError(f"{uri!r:.100}: this vehicle has no mode {failsafe}; it has {', '.join(modes)}")
-        vehicle = MavlinkVehicle(
-            link, system, modes, limits, failsafe=failsafe, origin=origin, altitude=altitude, height=height
-        )
-        vehicle.take(heartbeat)
-        return vehicle
-    except BaseException:
-        link.close()
-        raise
-
-
-def _meet(link: MavlinkConnection, system: int, where: str) -> Any:
-    """Wait for a vehicle whose modes are known; gives its heartbeat."""
-    end, others = time.monotonic() + PATIENCE, set[str]()
-    while time.monotonic() < end:
-        link.send(link.mav.heartbeat_encode(6, 8, 0, 0, 4))
-        for message in link.receive():
-            if message.get_type() != "HEARTBEAT":
-                continue
-            component = message.get_srcComponent()
-            if (message.get_srcSystem(), component) == (system, 1):
-                if message.autopilot != AUTOPILOT or message.type not in MODES:
-                    what = f"type {message.type} with autopilot {message.autopilot}"
-                    raise BodyError(f"vehicle {system} at {where} is of {what}: wanted an ArduPilot rover or copter")
-                return message
-            others.add(f"{message.get_srcSystem()}" + (f" (its component {component})" if component != 1 else ""))
-        time.sleep(0.1)
-    heard = f"; heard were {', '.join(sorted(others))}" if others else ""
-    why = "".join(f"; {sentence}" for sentence in link.complaints())
-    raise OutOfReachError(f"vehicle {system} was not heard at {where} in {PATIENCE:g} s{heard}{why}")

@@ -28,7 +28,8 @@ from sleepcast.channel.keys import KeyPair, Trust
 from sleepcast.channel.message import BOUND, Kind, Message, Role
 from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.channel.session import ChannelSession
-from sleepcast.channel.transports.transport import Transport, listen_for
+from sleepcast.channel.transports.arrival import StampedSocket
+from sleepcast.channel.transports.transport import ReceivedDatagram, Transport, listen_for
 from sleepcast.channel.transports.udp import UdpTransport
 from sleepcast.core.clock import Clock, UnixClock, WallClock, epoch_at
 from sleepcast.language import HostFunction, Vocabulary
@@ -75,6 +76,7 @@ class DelayingTransport:
         self._udp, self._chance, self._there, self._back = udp, chance, there, back
         self._ours, self._theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._ours.setblocking(False)
+        self._stamped = StampedSocket(self._ours)
         self.ignore = udp.ignore
         self._flying: list[tuple[float, int, bool, bytes]] = []
         self._count = 0
@@ -90,12 +92,15 @@ class DelayingTransport:
         os.write(self._waker, b"1")
 
     def receive(self) -> list[bytes]:
-        found = []
+        found: list[bytes] = []
+        self._stamped.compare()
         while True:
             try:
-                found.append(self._ours.recv(2_048))
+                datagram, _, arrived = self._stamped.receive(2_048)
             except BlockingIOError:
                 return found
+            found.append(received := ReceivedDatagram(datagram))
+            received.arrived = arrived
 
     def receive_stops(self) -> list[bytes]:
         return []

@@ -21,7 +21,7 @@ from sleepcast.channel.name_conflicts import (
     NameConflicts,
     sentences,
 )
-from sleepcast.channel.transports.transport import AddressedDatagram, address_of
+from sleepcast.channel.transports.transport import ReceivedDatagram, address_of
 from sleepcast.core.clock import ManualClock
 
 NUMBERS = count(1)
@@ -243,7 +243,7 @@ def test_the_sentence_says_who_and_where() -> None:
 
 
 def test_a_datagram_knows_where_it_came_from() -> None:
-    datagram = AddressedDatagram(b"abc")
+    datagram = ReceivedDatagram(b"abc")
     assert (datagram, address_of(datagram), address_of(b"abc")) == (b"abc", "", "")
     datagram.address = ("fe80::1%lo", 47123)
     assert address_of(datagram) == "[fe80::1%lo]:47123"

@@ -6,9 +6,13 @@ from random import Random
 
 import pytest
 
+from channel.air import Air
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.message import TIME, WHOSE
-from sleepcast.channel.round_trips import DRIFT, MAX_ASKED, REPLIES_A_SECOND, SELDOM, TRIPS, RoundTrips
+from sleepcast.channel.clock_sync import on_the_way
+from sleepcast.channel.message import TIME, WAITED, WHOSE
+from sleepcast.channel.round_trips import DRIFT, MAX_ASKED, REPLIES_A_SECOND, SELDOM, SOON, TRIPS, RoundTrips
+from sleepcast.channel.transports.transport import ReceivedDatagram
+from sleepcast.core.clock import MADE, seconds_passed
 
 AHEAD = 1.7
 
@@ -73,3 +77,39 @@ def test_parties_trips_and_replies_are_bounded() -> None:
     question = Message("r1", 1, 1, Kind.REPORT, 0.0, body={TIME: b"", WHOSE: "anna"})
     assert sum(trips.replies(question, "anna", 0.0) for _ in range(1_000)) <= REPLIES_A_SECOND
     assert not trips.replies(question, "bert", 10.0)
+
+
+def test_what_the_other_has_held_the_question_is_no_part_of_the_bound() -> None:
+    trips, now = RoundTrips(Random(1)), 100.0
+    trips.want("anna", 1e6, now)
+    asked = trips.question(now)
+    there, held, back = 0.030, 0.4, 0.010
+    answer = Message("anna", 1, 1, Kind.HEARTBEAT, now + there + held - AHEAD, body={TIME: asked[TIME], WAITED: held})
+    assert trips.hear(answer, now + there + held + back)
+    clock = trips.of("anna", now + there + held + back)
+    assert clock is not None
+    assert clock.bound == pytest.approx(0.020)
+    assert abs(clock.ahead - AHEAD) <= clock.bound
+
+
+@pytest.mark.parametrize("held", [None, -1.0, 0.5, "long"])
+def test_a_desk_that_does_not_say_it_or_says_nonsense_is_measured_by_the_whole_trip(held: object) -> None:
+    answer = Message("anna", 1, 1, Kind.HEARTBEAT, 0.0, body={} if held is None else {WAITED: held})
+    assert on_the_way(answer, 0.4) == 0.4
+
+
+def test_a_busy_desk_says_how_long_the_question_has_waited_for_it() -> None:
+    air = Air(1, seed=1)
+    air.clock.advance(MADE)
+    robot, desk, now = air.robots[0].delivery, air.desk.delivery, air.clock.now()
+    robot.trips.want("desk", now + 60.0, now - SOON)
+    for datagram in robot.step(now)[0]:  # the question is among them
+        waited = ReceivedDatagram(datagram)
+        waited.arrived = seconds_passed() - 0.25
+        assert desk.take(waited, now) == []
+    (reply,) = desk.posted()
+    entered = robot.admission.enter(reply)
+    assert entered is not None
+    held = entered.message.body[WAITED]
+    assert isinstance(held, float)
+    assert held >= 0.25

@@ -20,8 +20,13 @@ from sleepcast.channel.keys import KeyPair
 from sleepcast.channel.message import Role
 from sleepcast.channel.transports import open_transport
 from sleepcast.channel.transports.address import AddressError
-from sleepcast.channel.transports.transport import address_of
+from sleepcast.channel.transports.arrival import StampedSocket
+from sleepcast.channel.transports.transport import ReceivedDatagram, address_of, waited
 from sleepcast.channel.transports.udp import MAX_STOPS, UdpError
+from sleepcast.core.clock import seconds_passed
+
+SLACK = 0.005
+"""Seconds by which the system may have adjusted its clock meanwhile."""
 
 
 @pytest.mark.parametrize(
@@ -108,3 +113,32 @@ def test_a_datagram_has_the_address_of_its_sender() -> None:
         host, _, port = address_of(found).rpartition(":")
         assert host
         assert 0 < int(port) < 65_536
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has such stamps")
+def test_a_datagram_counts_from_its_arrival_however_late_it_is_read() -> None:
+    uri = f"udp://239.255.83.76:{free_port()}?interface=lo"
+    with closing(open_transport(uri)) as here, closing(open_transport(uri)) as there:
+        sent = seconds_passed()
+        there.send(encode(message(Kind.COMMAND), "lab", DESK)[0])
+        assert select.select([here], [], [], PATIENCE)[0]
+        came = seconds_passed()
+        time.sleep(0.05)
+        (found,) = here.receive()
+        assert isinstance(found, ReceivedDatagram)
+        assert found.arrived is not None
+        assert sent - SLACK <= found.arrived <= came + SLACK
+        assert waited(found) >= 0.05 - SLACK
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has such stamps")
+def test_stamps_of_a_computer_whose_clock_was_set_meanwhile_do_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    with ours, theirs:
+        stamped, right = StampedSocket(ours), time.time
+        for ahead, counts in ((0.0, True), (5.0, False), (5.0, True)):
+            monkeypatch.setattr(time, "time", lambda ahead=ahead: right() + ahead)
+            theirs.send(b"abc")
+            stamped.compare()
+            datagram, _, arrived = stamped.receive(100)
+            assert (datagram, arrived is not None) == (b"abc", counts)

@@ -24,7 +24,7 @@ from sleepcast.channel.keys import MAY, PublicKey, Trust
 from sleepcast.channel.message import TO_OPERATOR, Kind, Message, Role
 from sleepcast.channel.name_conflicts import NameConflicts
 from sleepcast.channel.sequencer import StoredWindow
-from sleepcast.channel.transports.transport import address_of
+from sleepcast.channel.transports.transport import address_of, waited
 from sleepcast.core.clock import Clock
 
 WINDOW = 4_096
@@ -271,6 +271,11 @@ class Admission:
         if entered is not None:
             self.passed += 1
         return entered
+
+    def arrival(self, datagram: bytes) -> float:
+        """When it reached this computer, by our clock, s; rather too late than too early, however busy we are."""
+        since = waited(datagram)
+        return self._clock.now() - since
 
     def warnings(self, clock: Clock) -> list[str]:
         """Sentences about what is wrong, besides what is dropped: operators' clocks, and names of ours that others

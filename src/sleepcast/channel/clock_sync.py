@@ -19,7 +19,7 @@ from math import inf
 from os import urandom
 
 from sleepcast.channel.fair_table import FairTable
-from sleepcast.channel.message import TIME, Message
+from sleepcast.channel.message import TIME, WAITED, Message
 from sleepcast.core.backoff import Backoff
 from sleepcast.core.clock import MADE
 from sleepcast.core.errors import listed
@@ -163,6 +163,15 @@ NONCE_BYTES = 16
 """Bytes of a nonce: it cannot be guessed, and is never repeated by chance."""
 MAX_TRIP = 1.0
 """Longest round trip, s. So the error is at most half a second, a quarter of the allowed skew."""
+
+
+def on_the_way(reply: Message, trip: float) -> float:
+    """How long question and reply have been on their ways, of the `trip` s from one to the other: without what the
+    question has waited for its reply, as far as the replying party tells that."""
+    waited = reply.body.get(WAITED)
+    return trip - waited if isinstance(waited, float) and 0.0 <= waited <= trip else trip
+
+
 SOONEST, SLOWEST = 2.0, 16.0
 """Seconds between two requests at first, and at most: the pause doubles while there is no answer. It is longer than
 `MAX_TRIP`, so a timely answer is always to the open request."""
@@ -198,4 +207,4 @@ class TimeRequest:
         trip = now - self._asked
         if message.body.get(TIME) != self.nonce or not 0.0 <= trip <= MAX_TRIP or message.issued < MADE:
             return None
-        return message.issued + trip / 2.0 - now
+        return message.issued + on_the_way(message, trip) / 2.0 - now

@@ -39,6 +39,7 @@ from sleepcast.channel.message import (
     KEYS,
     ONLY,
     TIME,
+    WAITED,
     WHOSE,
     Kind,
     Message,
@@ -352,7 +353,7 @@ class ReliableDelivery:
             return []
         message = entered.message
         if TIME in message.body and message.kind in (Kind.REPORT, Kind.HEARTBEAT):
-            self._deal_with_time(message, now)
+            self._deal_with_time(message, self.admission.arrival(datagram), now)
             return []
         if message.kind is Kind.DIGEST:
             self._compare(message, now)
@@ -377,13 +378,13 @@ class ReliableDelivery:
         assert stream is not None
         return self._noted(self.sequencer.take(stream, message, now), now)
 
-    def _deal_with_time(self, message: Message, now: float) -> None:
+    def _deal_with_time(self, message: Message, arrived: float, now: float) -> None:
         """Handle a time request, or a reply to ours. Such a heartbeat does not count as a sign of the operator."""
         nonce = message.body[TIME]
         if message.kind is Kind.HEARTBEAT:
             request = self._time_request
-            behind = None if request is None else request.answer(message, now)
-            if self.trips.hear(message, now):
+            behind = None if request is None else request.answer(message, arrived)
+            if self.trips.hear(message, arrived):
                 self.admission.nonce = b""
             elif request is not None and behind is not None:
                 self._time_request = None
@@ -398,7 +399,7 @@ class ReliableDelivery:
             and now >= MADE  # we do not reply if our own clock is plainly wrong
             and (self.trips.replies(message, self.name, now) if WHOSE in message.body else self._time_replies.take(now))
         ):
-            self.post(Kind.HEARTBEAT, now, deadline=now + MAX_TRIP, body={TIME: nonce})
+            self.post(Kind.HEARTBEAT, now, deadline=now + MAX_TRIP, body={TIME: nonce, WAITED: max(0.0, now - arrived)})
 
     def standing_of(self, key: bytes) -> tuple[bytes, ...]:
         """The stored datagrams of the standing commands of a key that still count."""

@@ -1,8 +1,9 @@
 """How far the clock of another party is behind ours, with a bound that holds: by round trips.
 
 A robot asks for the time with a nonce, and the party that it names answers with its own (Cristian, *Probabilistic clock
-synchronization*, 1989). The answer was sent between our question and its arrival, so our clock is ahead by what lies in
-the middle, and that is wrong by half of the round trip at most, however unequal the two ways are. Since then both
+synchronization*, 1989), and with how long it has held the question. What is left of the round trip is the two ways; so
+our clock is ahead by what lies in their middle, and that is wrong by half of them at most, however unequal they are.
+Questions and answers count from their arrival at the computer, not from when a busy process reads them. Since then both
 clocks have drifted apart by no more than `DRIFT`. Of the latest trips the one with the least bound counts.
 
 Robots ask only while they have to know: while a command of that party waits for an instant.
@@ -16,7 +17,7 @@ from os import urandom
 from random import Random
 
 from sleepcast.channel.admission import RateLimit
-from sleepcast.channel.clock_sync import MAX_TRIP, NONCE_BYTES, ClockBound
+from sleepcast.channel.clock_sync import MAX_TRIP, NONCE_BYTES, ClockBound, on_the_way
 from sleepcast.channel.message import TIME, WHOSE, Message
 from sleepcast.core.backoff import Backoff
 from sleepcast.core.records import NamedTuple
@@ -109,7 +110,8 @@ class RoundTrips:
         answers = bool(self.nonce) and message.body.get(TIME) == self.nonce and message.sender == self._whom
         if known is None or not answers or not 0.0 <= trip <= MAX_TRIP:
             return False
-        known.took(Trip(now, now - trip / 2.0 - message.issued, trip / 2.0))
+        half = on_the_way(message, trip) / 2.0
+        known.took(Trip(now, now - half - message.issued, half))
         self.nonce = b""
         return True
 

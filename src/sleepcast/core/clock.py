@@ -32,7 +32,7 @@ class WorkClock:
         return time.thread_time()
 
 
-_passed: Callable[[], float] = (
+seconds_passed: Callable[[], float] = (
     partial(time.clock_gettime, time.CLOCK_BOOTTIME) if hasattr(time, "CLOCK_BOOTTIME") else time.monotonic
 )
 """Seconds that pass, those in which the computer sleeps among them, whatever is done to its clock."""
@@ -42,10 +42,10 @@ class UnixClock:
     """Seconds since 1970-01-01 UTC: as this computer had them when the process began, and those that have passed since.
     Setting the computer's clock meanwhile changes nothing in a process."""
 
-    _began: ClassVar[float] = time.time() - _passed()
+    _began: ClassVar[float] = time.time() - seconds_passed()
 
     def now(self) -> float:
-        return UnixClock._began + _passed()
+        return UnixClock._began + seconds_passed()
 
     @staticmethod
     def advance(seconds: float) -> None:

@@ -9,6 +9,7 @@ from functools import lru_cache
 from typing import Protocol, runtime_checkable
 
 from sleepcast.channel.message import Kind
+from sleepcast.core.clock import seconds_passed
 
 
 class Transport(Protocol):
@@ -43,15 +44,23 @@ def listen_for(transport: Transport, wanted: Iterable[Kind]) -> None:
         transport.ignore(frozenset(Kind) - frozenset(wanted))
 
 
-class AddressedDatagram(bytes):
-    """A received datagram with the address that it came from (host, port), where the transport knows one."""
+class ReceivedDatagram(bytes):
+    """A received datagram. address: host and port that it came from; arrived: `seconds_passed` when it reached this
+    computer; None where the transport does not know."""
 
     address: tuple[str, int] | None = None
+    arrived: float | None = None
+
+
+def waited(datagram: bytes) -> float:
+    """For how many s a datagram has waited here to be read; 0 where nobody knows."""
+    arrived = datagram.arrived if isinstance(datagram, ReceivedDatagram) else None
+    return 0.0 if arrived is None else max(0.0, seconds_passed() - arrived)
 
 
 def address_of(datagram: bytes) -> str:
     """Where a datagram came from, as HOST:PORT; "" where nobody knows."""
-    address = datagram.address if isinstance(datagram, AddressedDatagram) else None
+    address = datagram.address if isinstance(datagram, ReceivedDatagram) else None
     return "" if address is None else _written(*address)
 
 

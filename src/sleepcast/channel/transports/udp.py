@@ -24,8 +24,9 @@ import msgspec
 from sleepcast.channel.envelope import MAX_DATAGRAM, kind_of
 from sleepcast.channel.message import TO_OPERATOR, Kind
 from sleepcast.channel.transports.address import EXAMPLE, AddressError, split_address
+from sleepcast.channel.transports.arrival import StampedSocket
 from sleepcast.channel.transports.bpf_filter import drop_kinds, keep_kinds
-from sleepcast.channel.transports.transport import AddressedDatagram
+from sleepcast.channel.transports.transport import ReceivedDatagram
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError, did_you_mean
 from sleepcast.core.records import NamedTuple
@@ -124,6 +125,7 @@ class UdpTransport:
                 raise UdpError(f"{uri}: the system refuses: {error.strerror or error}{_hint(error)}") from None
             self._opened = opened.pop_all()
         self._own = self._sending.getsockname()[:2]
+        self._stamped = {each: StampedSocket(each) for each in (self._receiving, *self._reserved)}
 
     def fileno(self) -> int:
         """What to wait on for news."""
@@ -155,17 +157,19 @@ class UdpTransport:
 
     def _received(self, receiving: socket.socket, most: int) -> list[bytes]:
         datagrams: list[bytes] = []
+        stamped = self._stamped[receiving]
+        stamped.compare()
         for _ in range(most):
             try:
-                datagram, sender = receiving.recvfrom(MAX_DATAGRAM + 1)
+                datagram, sender, arrived = stamped.receive(MAX_DATAGRAM + 1)
             except BlockingIOError:
                 break
             except OSError:  # an error about datagrams sent earlier
                 continue
             if sender[:2] != self._own:
-                addressed = AddressedDatagram(datagram)
-                addressed.address = sender[:2]
-                datagrams.append(addressed)
+                received = ReceivedDatagram(datagram)
+                received.address, received.arrived = sender[:2], arrived
+                datagrams.append(received)
         return datagrams
 
     def ignore(self, kinds: Iterable[Kind]) -> None:

@@ -20,8 +20,8 @@ from threading import Lock
 from sleepcast.channel.envelope import MAX_DATAGRAM, kind_of
 from sleepcast.channel.message import Kind
 from sleepcast.channel.transports.address import AddressError, split_address
-from sleepcast.channel.transports.transport import WakeUp
-from sleepcast.core.clock import Clock
+from sleepcast.channel.transports.transport import ReceivedDatagram, WakeUp
+from sleepcast.core.clock import Clock, seconds_passed
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.extras import installing
 from sleepcast.core.records import dataclass
@@ -167,7 +167,8 @@ class ZenohTransport:
         """Called in a thread of zenoh."""
         payload = sample.payload
         if len(payload) <= MAX_DATAGRAM:
-            data = payload.to_bytes()
+            data = ReceivedDatagram(payload.to_bytes())
+            data.arrived = seconds_passed()
             with self._taking:
                 self._heard.append(data)
                 self._stops |= kind_of(data) is Kind.STOP

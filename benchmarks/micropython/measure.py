@@ -123,8 +123,11 @@ def node(found, base):
     from sleepnode.body import Body
     from sleepnode.envelope import payload, sealed, signed
     from sleepnode.node import Node
+    from sleepnode.reader import unload
     from sleepnode.trust import key_id
 
+    __import__("sleepnode.node_start")  # which loads what a node needs
+    unload("node_start")
     found["code"] = used() - base
     desk = Desk()
     with open("trust.json", "w") as file:

@@ -308,6 +308,14 @@ class TestOneOfTheSwarm:
         tell = "(WHEN (= id 1) (TELL (WHEN (= id 9) (SETQ lamp (> id 8)))))"
         until(lambda: bool(account(joined, "send", tell, "--anyway")["matched"]) and value(joined, "lamp") == 1.0)
 
+    def test_it_obeys_at_the_instant_of_all_and_says_within_which_bound(self, joined: str) -> None:
+        def all_obey() -> bool:
+            sent = account(joined, "send", "(AFTER-ISSUE 3s (WHEN (> id 2) (JOIN timely)))")
+            assert set(sent["matched"]) | set(sent["not_matched"]) | set(sent["fault"]) <= set(ALL)
+            return (sorted(sent["matched"]), sent["bound"] > 0.0) == (["r3", "tiny"], True)
+
+        until(all_obey)
+
     def test_it_comes_to_rest_when_its_operator_is_gone_for_longer_than_the_lease(self, joined: str) -> None:
         until(lambda: decided(joined, "(WHEN (= id 9) (DRIVE 0.3m/s 0))")[0] == ["tiny"])
         until(lambda: value(joined, "(IF (> x 0m) speed 9)") == 0.0)
@@ -335,7 +343,7 @@ def test_it_hears_another_robot_of_its_name(folder: Path, channel: str, tmp_path
 
 class Party:
     """A desk's own delivery on the air, which has sent nothing yet. sent: datagrams with commands; digests: what the
-    small robot says that it has of ours, in order; answered: the commands that it has answered."""
+    small robot says that it has of ours, in order; answered: the commands that it has answered; answers: the bodies."""
 
     def __init__(self, uri: str) -> None:
         key, clock = load_key(key_file(keys_folder(), "desk")), UnixClock()
@@ -343,6 +351,7 @@ class Party:
         admission = Admission(trust, "sleepcast", clock, robot=False, rate=1e9)
         self.delivery = ReliableDelivery("desk", int(clock.now()), key, admission, Random(1))
         self.sent, self.digests, self.answered = 0, [0], set[str]()
+        self.answers: list[dict[str, Any]] = []
         self._air, self._clock = UdpTransport(uri), clock
 
     def __enter__(self) -> Party:
@@ -375,6 +384,7 @@ class Party:
                     self.digests.append(row[2])
                 if part.kind is Kind.ANSWER:
                     self.answered.add(str(body["command"]))
+                    self.answers.append(body)
                 self.delivery.take(datagram, now)
             out, _ = self.delivery.step(now)
             if mends:
@@ -427,3 +437,103 @@ def test_commands_that_found_no_room_to_wait_come_again(folder: Path, channel: s
             desk.send(*datagrams)
             pause = time.monotonic() + 3.0  # and if what was missed came too late, it is missed again at the next one
             desk.serve(lambda pause=pause: desk.answered >= wanted or time.monotonic() > pause)  # type: ignore[misc]
+
+
+# ---- an instant for all
+
+
+class Instants(Party):
+    """A desk that sends commands which wait."""
+
+    def wait(self, seconds: float, text: str = "(SETQ lamp (+ lamp 0.25))") -> Message:
+        """Send one, and see it wait."""
+        message, datagrams = self.post(f"(AFTER-ISSUE {seconds}s {text})")
+        self.send(*datagrams)
+        self.serve(lambda: bool(self.of(message)))
+        assert (self.of(message)[0]["outcome"], self.of(message)[0].get("waiting")) == ("not matched", True)
+        return message
+
+    def do(self, text: str, kind: Kind = Kind.COMMAND) -> dict[str, Any]:
+        """What becomes of a text at once."""
+        now = time.time()
+        message = self.delivery.post(kind, now, text=text, deadline=now + PATIENT)
+        self.send(*self.delivery.posted())
+        self.serve(lambda: bool(self.of(message)))
+        return self.of(message)[0]
+
+    def second(self, message: Message) -> dict[str, Any]:
+        """What came of it in the end."""
+        self.serve(lambda: len(self.of(message)) > 1 and "waiting" not in self.of(message)[-1])
+        return self.of(message)[-1]
+
+    def of(self, message: Message) -> list[dict[str, Any]]:
+        return [body for body in self.answers if body["command"] == message.id]
+
+
+@pytest.fixture
+def alone(folder: Path, channel: str, tmp_path: Path) -> Iterator[Instants]:
+    """A desk alone with a small robot."""
+    uri = f"udp://239.255.83.79:{free_port()}?interface=lo"
+    with tiny(folder, uri, tmp_path), Instants(uri) as desk:
+        assert desk.do("(SETQ lamp 0)")["outcome"] == "matched"
+        yield desk
+
+
+def test_what_waits_is_done_at_its_instant_by_the_clock_of_its_sender(alone: Instants) -> None:
+    sent = alone.wait(2.0)
+    assert alone.do("lamp", Kind.ASK)["value"] == 0.0
+    found = alone.second(sent)
+    assert found["outcome"] in ("matched", "late")  # on a busy machine a tick may be late
+    if found["outcome"] == "matched":
+        assert time.time() >= sent.issued + 2.0 - found["bound"]
+        assert 0.0 < found["bound"] < 1.0
+        assert alone.do("lamp", Kind.ASK)["value"] == 0.25
+
+
+def test_stop_and_cancel_discard_what_waits(alone: Instants) -> None:
+    first = alone.wait(30.0)
+    assert alone.do("(WHEN TRUE (CANCEL))")["value"] == 1.0
+    assert alone.second(first)["fault"] == "CANCEL has discarded it before its instant"
+    second = alone.wait(30.0)
+    assert alone.do("", Kind.STOP)["outcome"] == "stopped"
+    assert alone.second(second)["fault"] == "STOP has discarded it before its instant"
+    assert alone.do("(AFTER-ISSUE 30s (SETQ lamp 1))")["fault"] == "it is held still, so nothing waits in it"
+    assert alone.do("", Kind.RELEASE)["outcome"] == "released"
+    assert alone.do("(CANCEL)")["value"] == 0.0
+
+
+def test_four_commands_wait_and_no_more(alone: Instants) -> None:
+    for _ in range(4):
+        alone.wait(50.0)
+    assert alone.do("(AFTER-ISSUE 50s (SETQ lamp 1))")["fault"].startswith("4 commands wait in this robot already")
+
+
+def test_what_is_heard_after_its_instant_is_late(alone: Instants) -> None:
+    alone.wait(50.0)
+    pause = time.monotonic() + 1.0
+    alone.serve(lambda: time.monotonic() > pause)  # it measures the clock
+    message, datagrams = alone.post("(AFTER-ISSUE 0.5s (SETQ lamp 1))")
+    pause = time.monotonic() + 1.5
+    alone.serve(lambda: time.monotonic() > pause, mends=False)
+    alone.send(*datagrams)
+    alone.serve(lambda: bool(alone.of(message)))
+    assert (alone.of(message)[-1]["outcome"], alone.of(message)[-1]["fault"][:11]) == ("late", "heard after")
+
+
+def test_who_cannot_ask_for_the_time_does_nothing(alone: Instants) -> None:
+    message, datagrams = alone.post("(AFTER-ISSUE 2s (SETQ lamp 1))")
+    alone.send(*datagrams)
+    alone.serve(lambda: len(alone.of(message)) > 1, mends=False)
+    assert alone.of(message)[-1]["fault"].startswith("not done: this robot has no bound of its clock")
+
+
+def test_what_waits_outlasts_a_restart(folder: Path, channel: str, tmp_path: Path) -> None:
+    uri = f"udp://239.255.83.79:{free_port()}?interface=lo"
+    with Instants(uri) as desk:
+        with tiny(folder, uri, tmp_path):
+            over, ahead = desk.wait(2.0), desk.wait(60.0)
+        time.sleep(max(0.0, over.issued + 2.5 - time.time()))
+        with tiny(folder, uri, tmp_path):
+            assert "not done" in desk.second(over)["fault"]
+            assert desk.do("(CANCEL)")["value"] == 1.0
+            assert desk.second(ahead)["fault"] == "CANCEL has discarded it before its instant"

@@ -102,7 +102,9 @@ class Checker:
         self.deciding = None
         self.rules, self.moves = False, []
         """Whether the text changes rules, and the keys of groups that it makes robots join or leave."""
-        self.tested = False
+        self.tested, self.is_stored = False, outer is not None
+        self.whole = None
+        """What a whole command asks for, such as the seconds of AFTER-ISSUE (`oneshot.py`)."""
         self.count = outer.count if outer else [0]
         """Forms checked so far, stored ones included."""
         self.pending = outer.pending if outer else {}

@@ -5,8 +5,8 @@ import sys
 
 from micropython import const
 
+from sleepnode.node_start import load_key
 from sleepnode.reader import Refused
-from sleepnode.trust import load_key
 
 _NUMBER = (int, float)
 _MAX_NAME = const(64)

@@ -6,13 +6,11 @@ GROUP for a group. What is to be known of a rule besides stands in its program's
 """
 
 import gc
-import math
 
 from micropython import const
 
 from sleepnode import chance
 from sleepnode.checker import GROUP, Checker, buffer_number, deciding, through
-from sleepnode.forms import write as write_form
 from sleepnode.machine import run
 from sleepnode.reader import Refused, head_of, read, unload
 
@@ -24,21 +22,17 @@ _ID = const(67)
 _TIME = const(68)
 _TICK = const(69)
 _USES = const(1)
-_MAX_HOPS = const(8)
 
 # Refusals, by their places in `sentences.py`.
 _DEEP_REFUSED = const(64)
 _VARIABLES_REFUSED = const(65)
 
 _MARKED = const(0)
-_MARKING = const(1)
 _FROZEN = const(2)
 _SLEEPING = const(3)
 _ACTIVE = const(3)
 _SUPPORT = const(70)
 _MAX_VARIABLES = const(256)
-_ROOM = const(72)
-"""Names that are learned before their table grows."""
 _MAX_FAULTS = const(100)
 _MAX_FAULTS_IN_ROW = const(10)
 _TICK_STEPS = const(50000)
@@ -47,7 +41,6 @@ _MAX_OUTBOX = const(64)
 _TELL_BURST = const(8)
 _TELLS_A_SECOND = const(2.0)
 _TELLS_TOO_OFTEN = const("tells too often: more than 2 a second are dropped")
-_CONSTANTS = {"true": 1.0, "false": 0.0, "nil": 0.0, "pi": math.pi, "unknown": None}
 
 
 # The first bytes of a program, and its flags (`machine.py`).
@@ -64,51 +57,19 @@ class Mind:
     """See the module. number: its `id`. seed: of its chance. After `evaluate` and `rule`: matched, undecided (whether
     its test was unknown), faults and moved (whether the body was asked to move).
 
-    ruling, moving: whether the text compiled last changes rules, and which groups it makes robots join or leave.
+    ruling, moving, whole: of the text compiled last: whether it changes rules, which groups it makes robots join or
+    leave, and what it asks for as a whole command (`oneshot.py`).
     reports, told, pings: what it says, until somebody takes it. dirty: slots of actuators that were assigned. held:
     whether functions that act are refused.
     """
 
-    def __init__(self, sensors=(), actuators=(), constants=None, functions=(), number=0, seed=0):
-        self.values = [0.0] * (_ID) + [float(number), 0.0, 0.0] + [None] * (len(sensors) + len(actuators))
-        self.values[_MARKING] = 1.0
-        self.first_actuator = _SUPPORT + len(sensors)
-        self.first_user = self.first_actuator + len(actuators)
-        self.names = {"marked": 0, "marking": 1, "frozen": 2, "sleeping": 3, "id": _ID, "time": _TIME, "tick": _TICK}
-        for at, name in enumerate(tuple(sensors) + tuple(actuators)):
-            self.names[name.lower()] = _SUPPORT + at
-        for table in (_CONSTANTS, constants or {}):
-            for name, value in table.items():
-                self.names[name.lower()] = (value,)
-        for function in functions:
-            self.names[function.name.lower()] = function
-        self.write_form = write_form
-        self.learned = dict.fromkeys(range(_ROOM))
-        for number in range(_ROOM):  # its table stays as large: later no piece of memory may be large enough for it
-            del self.learned[number]
-        self._slots = {}
-        """Of user variables that texts name and nobody has made yet."""
-        self._members = {}
-        self._leases = {}
-        """When rules are deactivated, by key."""
-        self._order = []
-        """The keys of rules and buffers in the order in which they run."""
-        self.reports, self.told, self.pings, self.dirty = [], [], [], []
-        self.faults = []
-        self.matched, self.undecided, self.moved, self.held = False, False, False, False
-        self.ruling, self.moving, self.asked = False, (), False
-        self.steps = self.dropped = self.lost = 0
-        self.hops = _MAX_HOPS
-        self.tick, self.now, self._draws = 0, 0.0, 0
-        self.key = chance.stream(seed, number)
-        self._paid, self._refused = 0.0, False
-        self._proven, self._proven_leases, self.since = (), {}, 0
-        """The set of rules to roll back to, each a key and a program; when it last changed."""
-        self._before = {}
-        """The values of variables before a question, by slot."""
-        self._due = []
-        """The keys of the rules of a round, None for those that do not run; one list for all rounds."""
-        self._left = None
+    def __init__(self, *given, **named):
+        try:
+            from sleepnode.mind_start import begin
+
+            begin(self, *given, **named)
+        finally:
+            unload("mind_start")
 
     # ---- names
 
@@ -185,19 +146,21 @@ class Mind:
 
     # ---- evaluating
 
-    def compile(self, text):
-        """The program of a message. Raises Refused."""
+    def compile(self, text, inside=None):
+        """The program of a message. inside: gives the form that is meant instead of the whole one. Raises Refused."""
         gc.collect()
         gc.threshold(1024)
         try:
             form = read(text)
+            if inside:
+                form = inside(form)
             if _remembers(form):
                 form = self._written_out(form)
             checker = Checker(self)
             checker.declare(form)
             checker.deciding = deciding(checker, form)
             program = checker.program([form])
-            self.ruling, self.moving = checker.rules, checker.moves
+            self.ruling, self.moving, self.whole = checker.rules, checker.moves, checker.whole
             return program
         except RuntimeError:  # the interpreter's own stack is full
             raise Refused(_DEEP_REFUSED)
@@ -207,6 +170,7 @@ class Mind:
             gc.threshold(-1)
             unload("leading")
             unload("seldom")
+            unload("oneshot")
 
     def _written_out(self, form):
         """A form without forms that remember. What writes them out is loaded for one text, to save memory."""
@@ -397,6 +361,10 @@ class Mind:
         except Exception as error:
             return self.fault("%s failed: %r" % (function.name, error))
         return value if value is not None and value - value == 0 else None
+
+    def cancel(self):
+        """CANCEL: how many commands of its sender were discarded; a mind alone lets none wait."""
+        return 0.0
 
     def report(self, label, values):
         if self.asked:

@@ -187,6 +187,9 @@ def _tell(c, form):
     head = head_of(template) if isinstance(template, list) and len(template) == 2 else ""
     if head in ("quote", "quasiquote"):
         template = template[1]
+    from sleepnode.oneshot import refuse_told
+
+    refuse_told(c, template)
     holes = []
     if head != "quote":
         _holes(template, holes)

@@ -43,7 +43,8 @@ def told(node, body):
 
 def vocabulary(body):
     """The names of this type of robot as a text."""
-    names = {"name": "small computer", "sensors": [], "actuators": [], "constants": [], "functions": []}
+    names = {"name": "small computer", "sensors": [], "actuators": [], "constants": [], "functions": [], "forms": []}
+    names["forms"].append("after-issue")
     for kind in ("sensors", "actuators"):
         for name, _, unit, low, high in getattr(body, kind):
             names[kind].append([name, unit, low, high, None, "", ""])

@@ -1,12 +1,11 @@
 """Whom a robot obeys: the keys it knows, what their roles may send, and which messages it has heard already."""
 
 import hashlib
-import json
 
 from micropython import const
 
 from sleepnode import ed25519
-from sleepnode.reader import Refused, unload
+from sleepnode.reader import unload
 
 _OWNER = const(0)
 _ROLE = const(1)
@@ -25,10 +24,6 @@ _MAX_REASON = const(60)
 _MAX_SENDERS = const(32)
 _MAY = {"observer": (1, 2, 7), "operator": (0, 1, 2, 3, 4, 7), "commander": (0, 1, 2, 3, 4, 7, 9), "robot": (0, 2, 7)}
 """Numbers of the kinds that a robot takes from each role; it has nothing to send again, so no requests."""
-
-
-_UNUSABLE = (OSError, ValueError, KeyError, TypeError, AttributeError, MemoryError)
-_WHY = "%s cannot be used (%r): copy it again from where `sleepcast keys` has put it"
 
 
 def make_room(what, *of):
@@ -51,35 +46,14 @@ def not_stored(file, error, fault=""):
     return fault + "; " + said if fault else said
 
 
-def load_key(file):
-    """Owner and seed of a key file of `sleepcast keys`. Raises Refused."""
-    try:
-        with open(file) as opened:
-            key = json.load(opened)
-        return key["owner"], bytes.fromhex(key["secret"])
-    except _UNUSABLE as error:
-        raise Refused(_WHY % (file, error))
-
-
 class Trust:
-    """See the module. file: a trust file of `sleepcast keys`; changes are written to it. Raises Refused."""
+    """See the module. file: a trust file of `sleepcast keys`; changes are written to it."""
 
     def __init__(self, file):
         self.file = file
         self.keys = {}
         self.gone = []
         self._heard = {}
-        try:
-            from sleepnode.keeping import kept
-
-            stored = kept(file)
-            for key in stored["keys"]:
-                self.add(key["owner"], key["role"], bytes.fromhex(key["public"]), key.get("revoked", False))
-            self.gone = [bytes.fromhex(each) for each in stored.get("gone", ())]
-        except _UNUSABLE as error:
-            raise Refused(_WHY % (file, error))
-        finally:
-            unload("keeping")
 
     def add(self, owner, role, public, revoked=False):
         which = key_id(public)

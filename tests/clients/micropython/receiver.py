@@ -73,7 +73,7 @@ def take(node, datagram):
             return REASONS[at]
     if taken and taken[0] == 9:
         part = look(datagram)
-        node._streams.of((part[0], part[2]))[0] = part[3]  # as if it had been obeyed
+        node.streams.of((part[0], part[2]))[0] = part[3]  # as if it had been obeyed
     return "passed" if taken else "kept"
 
 
@@ -85,7 +85,7 @@ for line in sys.stdin:
         gc.collect()
         node = Node(Body(stop=lambda: None), Radio(), fleet=asked["fleet"], name="r3")
         node.clock = Clock(asked["now"])
-        node._nonce = bytes.fromhex(asked["nonce"]) or None
+        node.nonce = bytes.fromhex(asked["nonce"]) or None
         print(json.dumps({"name": node.name}))
     elif "read" in asked:
         try:
@@ -107,8 +107,8 @@ for line in sys.stdin:
     elif "looked" in asked:
         node.driven = asked["driven"]
         if asked["rules"]:
-            node._streams.of((bytes.fromhex(asked["key"]), 1))[1] = asked["rules"]
-        node._streams._speaks = 0 if asked["speaks"] else None
+            node.streams.of((bytes.fromhex(asked["key"]), 1))[1] = asked["rules"]
+        node.streams._speaks = 0 if asked["speaks"] else None
         reason, node._jobs = node._look(bytes.fromhex(asked["looked"])), []
         print(json.dumps({"reason": REASONS[reason]}))
     elif "busy" in asked:
@@ -117,11 +117,11 @@ for line in sys.stdin:
         for each in asked["busy"]:
             node._look(bytes.fromhex(each))
         while (node._jobs or node.job) and len(said) < asked["most"]:
-            node._say(6, {"label": "busy", "values": []})
+            node.say(6, {"label": "busy", "values": []})
             node._work()
         print(json.dumps({"said": len(said), "left": len(node._jobs)}))
     elif "digests" in asked:
-        streams, which, found = node._streams, bytes.fromhex(asked["key"]), []
+        streams, which, found = node.streams, bytes.fromhex(asked["key"]), []
         streams._speaks = None
         for each in asked["digests"]:
             have = [[which, epoch, number] for epoch, number in each]
@@ -140,7 +140,7 @@ for line in sys.stdin:
             freed.append(latch.release([sender, 1, 2**40, "key of " + sender], {"ends": ends}))
         print(json.dumps({"held": held, "freed": freed, "left": latch.rows(), "names": latch.names()}))
     elif "begun" in asked:
-        streams, found = node._streams, []
+        streams, found = node.streams, []
         for key, epoch, standing in asked["begun"]:
             streams.take((bytes.fromhex(key), epoch), 5, standing, {}, [0, 0, 0, 5, 0], asked["now"])
         for key, sender, epoch in asked["begun_by"]:
@@ -148,14 +148,14 @@ for line in sys.stdin:
         known = [name[0].hex() for name in streams._streams]
         print(json.dumps({"streams": known, "heard": [name[0].hex() for name in node.trust._heard]}))
     elif "waits" in asked:
-        node._jobs, node._streams._speaks = [bytes.fromhex(each) for each in asked["waits"]], 0
-        node._streams.theirs = {b"r": {(bytes.fromhex(asked["key"]), 1): asked["told"]}}
-        node._streams._told = node.clock.now()
+        node._jobs, node.streams._speaks = [bytes.fromhex(each) for each in asked["waits"]], 0
+        node.streams.theirs = {b"r": {(bytes.fromhex(asked["key"]), 1): asked["told"]}}
+        node.streams._told = node.clock.now()
         node._calm = node.tick + asked["calm"]
         node._speak(asked["now"])
-        print(json.dumps({"said": [each[1] for each in node.out], "eager": node._streams.eager}))
+        print(json.dumps({"said": [each[1] for each in node.out], "eager": node.streams.eager}))
     elif "follows" in asked:
-        streams, which = node._streams, bytes.fromhex(asked["key"])
+        streams, which = node.streams, bytes.fromhex(asked["key"])
         streams.take((which, 1), 9, False, asked["follows"], None, asked["now"])
         streams.compare([[which, 1, asked["told"]]], lambda key: True, asked["now"], b"r")
         print(json.dumps({"wanted": [each[2] for each in streams.wanted(asked["now"] + 1000)]}))

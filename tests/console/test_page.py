@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import pytest
-from playwright.sync_api import BrowserContext, Locator, Page, WebSocket, expect
+from playwright.sync_api import BrowserContext, ConsoleMessage, Locator, Page, WebSocket, expect
 
 from console.running import PATIENCE, Program
 from small_worlds import SMALL, write
@@ -30,6 +30,9 @@ EXPECTED = range(15, 46)
 
 expect.set_options(timeout=1000 * PATIENCE)
 
+SLOW = "GPU stall due to ReadPixels"
+"""What Chromium says of drawing in three dimensions where there is no graphics card."""
+
 
 @pytest.fixture
 def page(bravo: Program, context: BrowserContext) -> Iterator[Page]:
@@ -43,10 +46,16 @@ def rovers(program: Program, context: BrowserContext) -> Iterator[Page]:
     yield from opened(program, context)
 
 
-def opened(program: Program, context: BrowserContext) -> Iterator[Page]:
+def opened(program: Program, context: BrowserContext, expected: str = SLOW) -> Iterator[Page]:
+    """expected: words of what the browser may say."""
     page = context.new_page()
     complaints: list[str] = []
-    page.on("console", lambda said: complaints.append(said.text) if said.type in ("error", "warning") else None)
+
+    def hear(said: ConsoleMessage) -> None:
+        if said.type in ("error", "warning") and expected not in said.text and SLOW not in said.text:
+            complaints.append(said.text)
+
+    page.on("console", hear)
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.on("request", lambda request: complaints.append(request.url) if program.host not in request.url else None)
     page.goto(program.address)

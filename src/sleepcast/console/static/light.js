@@ -1,7 +1,7 @@
 // Lights on the map: of robots whose mark is set, and of one that winks.
 
 import { MARKED } from "./frame.js";
-import { MAX_SHAPES, sizesOf } from "./swarm.js";
+import { MAX_SHAPES } from "./swarm.js";
 
 const WINKS = 5000; // ms for which a robot winks
 const PERIOD = 1000; // ms from one pulse to the next
@@ -11,6 +11,7 @@ export class Lights {
     this.world = world;
     this.index = -1; // of the robot that winks
     this.until = 0;
+    this.anywhere = true; // on other views of these robots too, each a `surface` {view, frame, sizes, at}
     world.tools.push(this);
   }
 
@@ -21,9 +22,9 @@ export class Lights {
     this.world.repaint("robots");
   }
 
-  draw(pen) {
-    const { view, frame, scene, colours } = this.world;
-    const sizes = sizesOf(view, scene);
+  draw(pen, surface = this.world) {
+    const { view, frame, sizes } = surface;
+    const { colours } = this.world;
     const place = (i) => [view.toScreenX(frame.poses[3 * i]), view.toScreenY(frame.poses[3 * i + 1])];
     const glow = new Path2D();
     const points = frame.count > MAX_SHAPES;

@@ -3,7 +3,7 @@
 // prompt.
 
 import { encloses } from "./polygon.js";
-import { few, MAX_SHAPES, sizesOf } from "./swarm.js";
+import { few, MAX_SHAPES } from "./swarm.js";
 import { Refusal } from "./wire.js";
 
 const PAUSE = 150; // ms: several robots may be clicked one after the other
@@ -24,7 +24,9 @@ export class Selecting extends EventTarget {
     this.marks = new Uint8Array(0); // 1 for each robot that is selected
     this.count = 0;
     this.corners = []; // of the lasso that is being drawn, x and y in pixels in turn
+    this.lassoOn = null; // where it is drawn
     this.asked = 0;
+    this.anywhere = true; // on other views of these robots too, each a `surface` {view, frame, sizes, at}
     world.tools.push(this);
     button.addEventListener("click", () => this.switch(!this.on));
     this.find("use").addEventListener("click", () => this.use());
@@ -142,10 +144,11 @@ export class Selecting extends EventTarget {
 
   // ---- on the map
 
-  grab(x, y, event) {
+  grab(x, y, event, surface = this.world) {
     if (!this.on && !event.shiftKey) return null;
     const adds = event.shiftKey;
     this.corners = [x, y];
+    this.lassoOn = surface;
     return {
       move: (toX, toY) => {
         const [lastX, lastY] = this.corners.slice(-2);
@@ -154,23 +157,22 @@ export class Selecting extends EventTarget {
         this.world.repaint("robots");
       },
       drop: (moved) => {
-        if (moved) this.take(adds);
+        if (moved) this.take(adds, surface);
         this.corners = [];
         this.world.repaint("robots");
       },
     };
   }
 
-  click(x, y, event) {
+  click(x, y, event, surface = this.world) {
     if (!this.on && !event.shiftKey) return false;
-    const index = this.world.at(x, y);
+    const index = surface.at(x, y);
     if (index >= 0) this.toggle(index);
     return true;
   }
 
   // Select what the lasso encloses.
-  take(adds) {
-    const { view, frame } = this.world;
+  take(adds, { view, frame }) {
     const marks = adds ? this.padded() : new Uint8Array(frame.count);
     for (let i = 0; i < frame.count; i += 1) {
       const x = view.toScreenX(frame.poses[3 * i]);
@@ -180,11 +182,10 @@ export class Selecting extends EventTarget {
     this.set(marks);
   }
 
-  draw(pen) {
-    const { view, frame, scene } = this.world;
+  draw(pen, surface = this.world) {
+    const { view, frame, sizes } = surface;
     const colour = this.world.colours.chosen;
     if (this.count) {
-      const sizes = sizesOf(view, scene);
       const points = !few(view, frame, MAX_SHAPES);
       const frames = new Path2D();
       for (let i = 0; i < Math.min(frame.count, this.marks.length); i += 1) {
@@ -200,7 +201,7 @@ export class Selecting extends EventTarget {
       if (points) pen.fill(frames);
       else pen.stroke(frames);
     }
-    if (this.corners.length < 4) return;
+    if (this.lassoOn !== surface || this.corners.length < 4) return;
     pen.beginPath();
     for (let at = 0; at < this.corners.length; at += 2) pen.lineTo(this.corners[at], this.corners[at + 1]);
     pen.closePath();

@@ -6,6 +6,7 @@ import { addRing, addRobot, inkOf, LOOKS, NONE, KINDS } from "./shapes.js";
 import { grown } from "./type.js";
 
 export const MAX_SHAPES = 6000; // robots in sight; more become points
+const NEAR = 14; // pixels: how far beside a robot a click may be
 const MAX_IN_PATH = 100; // robots; what filling a path takes grows faster than what is in it
 const OUTSIDE = 30; // pixels beside the map in which a robot may still be seen in part
 const DIMMED = 0.5; // opacity of the robots outside the lit ones
@@ -44,20 +45,58 @@ export function few(view, { poses, count }, most) {
   return true;
 }
 
+// The robot nearest to a pixel, within NEAR pixels or its own size: its index, or -1. sizes: as of `sizesOf`.
+export function robotAt(view, { poses, count }, sizes, px, py) {
+  const [x, y] = view.toWorld(px, py);
+  let best = Infinity;
+  let nearest = -1;
+  for (let i = 0; i < count; i += 1) {
+    const dx = poses[3 * i] - x;
+    const dy = poses[3 * i + 1] - y;
+    const distance = dx * dx + dy * dy;
+    const reach = Math.max(NEAR, sizes(i)) / view.scale;
+    if (distance < Math.min(best, reach * reach)) [best, nearest] = [distance, i];
+  }
+  return nearest;
+}
+
+// The robot next to another one (an index) in a direction of the screen; the one nearest to the middle of the view if that
+// is -1.
+export function robotBeside(view, { poses, count }, from, [right, down]) {
+  const [x, y] = from < 0 ? [view.x, view.y] : [poses[3 * from], poses[3 * from + 1]];
+  let best = Infinity;
+  let nearest = from;
+  for (let i = 0; i < count; i += 1) {
+    if (i === from) continue;
+    const dx = poses[3 * i] - x;
+    const dy = poses[3 * i + 1] - y;
+    const along = dx * right - dy * down;
+    const aside = Math.abs(dx * down + dy * right);
+    if (from >= 0 && (along <= 0 || aside > along)) continue;
+    const distance = Math.hypot(dx, dy) + (from < 0 ? 0 : aside);
+    if (distance < best) [best, nearest] = [distance, i];
+  }
+  return nearest;
+}
+
+// Rings round the chosen robot and the one at the pointer.
+export function drawRings(pen, view, { poses, count }, sizes, marks, colour) {
+  for (const [index, width] of [[marks.pointed, 1.5], [marks.chosen, 2.6]]) {
+    if (index < 0 || index >= count) continue;
+    pen.beginPath();
+    pen.arc(view.toScreenX(poses[3 * index]), view.toScreenY(poses[3 * index + 1]), sizes(index) + 7, 0, 7);
+    pen.strokeStyle = colour;
+    pen.lineWidth = width;
+    pen.stroke();
+  }
+}
+
 // looks: as of shapes.js. marks: {lit: Uint8Array with 1 for each
 // robot that is lit, or null; glow: of 1 how bright; chosen, pointed: indices or -1}
 export function drawSwarm(pen, view, scene, frame, looks, marks, colours, ratio) {
   if (few(view, frame, MAX_SHAPES)) drawShapes(pen, view, scene, frame, looks, marks, colours);
   else drawPoints(pen, view, scene, frame, looks, marks, colours, ratio);
-  const sizes = sizesOf(view, scene);
-  for (const [index, width] of [[marks.pointed, 1.5], [marks.chosen, 2.6]]) {
-    if (index < 0 || index >= frame.count) continue;
-    pen.beginPath();
-    pen.arc(view.toScreenX(frame.poses[3 * index]), view.toScreenY(frame.poses[3 * index + 1]), sizes(index) + 7, 0, 7);
-    pen.strokeStyle = colours.chosen;
-    pen.lineWidth = width;
-    pen.stroke();
-  }
+  drawRings(pen, view, frame, sizesOf(view, scene), marks, colours.chosen);
 }
 
 function drawShapes(pen, view, scene, frame, looks, marks, colours) {

@@ -28,6 +28,7 @@ import { Senses } from "./senses.js";
 import { SensorsPane } from "./sensors.js";
 import { Sentence } from "./sentence.js";
 import { SightLayer } from "./sight.js";
+import { Space } from "./space.js";
 import { Table } from "./table.js";
 import { Timeline } from "./timeline.js";
 import { Refusal } from "./wire.js";
@@ -344,6 +345,10 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
     if (event.key.toLowerCase() === "s" && !event.ctrlKey && !event.metaKey && !event.altKey) selectLit();
   });
 
+  // ---- the view in three dimensions
+
+  if (!embedded) new Space(document.querySelector(".space"), find("space"), world, refused); // a cell's frame fetches nothing
+
   // ---- alerts and lights
 
   const alerts = new Alerts(wire, find("alerted"), () => testIn(prompt.editor));
@@ -386,6 +391,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
     ["New run: scenario, robots, seed", "", () => find("renew").hidden || press("renew")],
     ["Play the mission", "the scenario's commands at their times", () => find("mission").hidden || mission.find("play-mission").click()],
     ["Save as a test", "commands and what came of them", () => press("as-test")],
+    ...(embedded ? [] : [["View in three dimensions on or off", "V", () => press("space")]]),
     ["Select robots with a lasso", "L", () => press("lasso")],
     ["Select the highlighted robots", "S", () => press("select-lit")],
     ["Type a sentence, or an expression again", "Ctrl+;", () => sentence.toggle()],

@@ -8,7 +8,7 @@ const LEAP = 3; // times as much time as was wanted has passed: a slider was mov
 
 export class Trails {
   constructor() {
-    this.samples = []; // youngest first: x, y of every robot in turn
+    this.samples = []; // youngest first: x, y of every robot in turn, and z of each where robots have heights, else null
     this.last = 0;
   }
 
@@ -25,7 +25,7 @@ export class Trails {
       reused.xy[2 * i] = aside ? NaN : frame.poses[3 * i];
       reused.xy[2 * i + 1] = aside ? NaN : frame.poses[3 * i + 1];
     }
-    Object.assign(reused, { tick: frame.tick, time: frame.time, wanted: frame.wanted });
+    Object.assign(reused, { z: frame.heights?.slice() ?? null, tick: frame.tick, time: frame.time, wanted: frame.wanted });
     this.samples.unshift(reused);
     return true;
   }
@@ -61,7 +61,7 @@ export class Trails {
     pen.globalAlpha = 1;
   }
 
-  path(run, view, inks, ink, [left, bottom, right, top]) {
+  path(run, view, inks, ink, area) {
     let path = null;
     for (let i = 0; i < inks.length; i += 1) {
       if (inks[i] !== ink) continue;
@@ -72,13 +72,39 @@ export class Trails {
       path.moveTo(x, y);
       for (let k = 1; k < run.length; k += 1) {
         const [x, y] = [run[k].xy[2 * i], run[k].xy[2 * i + 1]];
-        const across = Math.abs(x - run[k - 1].xy[2 * i]);
-        const up = Math.abs(y - run[k - 1].xy[2 * i + 1]);
-        const around = across > (right - left) / 2 || up > (top - bottom) / 2; // it left on one side, and came in opposite
-        if (around) path.moveTo(view.toScreenX(x), view.toScreenY(y));
+        if (goesAround(run[k - 1].xy, run[k].xy, i, area)) path.moveTo(view.toScreenX(x), view.toScreenY(y));
         else path.lineTo(view.toScreenX(x), view.toScreenY(y));
       }
     }
     return path;
   }
+}
+
+// All trails as lines in space: {corners: x, y and z of both ends of each in turn; colours: red, green, blue and opacity of each
+// end}. samples: youngest first. palette: red, green and blue of 1 of each ink.
+export function trailLines(samples, inks, palette, area) {
+  const most = 2 * inks.length * Math.max(0, samples.length - 1);
+  const [corners, colours] = [new Float32Array(3 * most), new Float32Array(4 * most)];
+  const perBand = Math.ceil(DEPTH / BANDS.length);
+  let end = 0;
+  for (let k = 1; k < samples.length; k += 1) {
+    const opacity = BANDS[Math.min(BANDS.length - 1, Math.floor((k - 1) / perBand))];
+    const [before, after] = [samples[k], samples[k - 1]];
+    for (let i = 0; i < inks.length; i += 1) {
+      if (Number.isNaN(before.xy[2 * i] + after.xy[2 * i]) || goesAround(before.xy, after.xy, i, area)) continue;
+      for (const { xy, z } of [before, after]) {
+        corners.set([xy[2 * i], xy[2 * i + 1], z?.[i] ?? 0], 3 * end);
+        colours.set([...palette[inks[i]], opacity], 4 * end);
+        end += 1;
+      }
+    }
+  }
+  return { corners: corners.subarray(0, 3 * end), colours: colours.subarray(0, 4 * end) };
+}
+
+// Whether a robot left the area on one side, and came in opposite, between two samples.
+export function goesAround(before, after, robot, [left, bottom, right, top]) {
+  const dx = Math.abs(after[2 * robot] - before[2 * robot]);
+  const dy = Math.abs(after[2 * robot + 1] - before[2 * robot + 1]);
+  return dx > (right - left) / 2 || dy > (top - bottom) / 2;
 }

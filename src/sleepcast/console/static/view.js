@@ -79,6 +79,12 @@ export class View {
   }
 }
 
+// How high something is, in a unit of the map's system in which that is a number people read.
+export function heightText(metres, unit) {
+  const name = { mi: "ft", nmi: "m", km: "m" }[unit] ?? unit;
+  return `${+(metres / UNITS[name]).toPrecision(3)} ${name}`;
+}
+
 // The round number (1, 2 or 5 times a power of ten) that is nearest below `most`.
 export function roundBelow(most) {
   const power = 10 ** Math.floor(Math.log10(most));

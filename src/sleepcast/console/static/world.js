@@ -11,12 +11,11 @@ import { drawGround, drawPlaces } from "./ground.js";
 import { Labels } from "./labels.js";
 import { Pings } from "./pings.js";
 import { discsOf, inksOf, looksOf, NONE, palette, sortsOf } from "./shapes.js";
-import { drawSwarm, few, sizesOf } from "./swarm.js";
+import { drawSwarm, few, robotAt, robotBeside, sizesOf } from "./swarm.js";
 import { Trails } from "./trails.js";
-import { gridStep, UNITS, View } from "./view.js";
+import { gridStep, heightText, UNITS, View } from "./view.js";
 
 const ZOOM_STEP = 1.4;
-const NEAR = 14; // pixels: how far beside a robot a click may be
 const SMALL = 8; // robots that need less than this part of the world's width and height are shown closer,
 const ROOM = 10; // with so many radii of a body around them, so that they may move
 const MANY = 20000; // robots in sight beyond which their density is shown unless somebody has chosen otherwise
@@ -44,6 +43,8 @@ export class World extends EventTarget {
     this.told = null; // the frame that was last said to be drawn
     this.layers = {}; // whether each is shown, by name, as of layers.js
     this.pointer = null; // the pixel at which the pointer is
+    this.pointedOn = this; // where that is: here, or on another view of these robots that has `at`
+    this.grounds = 0; // counts what was drawn anew because something else lies there, not because the map was moved
     this.scene = null;
     this.frame = null;
     this.replies = null; // what each robot answered to a question, as of replies.js
@@ -54,6 +55,7 @@ export class World extends EventTarget {
     this.following = false; // whether the chosen robot is kept in the middle
     this.flock = null; // robots whose middle is kept there instead
     this.fitted = true;
+    this.shown = null; // the rectangle that was fitted last: least x, least y, greatest x, greatest y, m
     this.close = false; // whether only the part of the world is fitted in which robots are
     this.begun = false; // whether there was a frame of this scene
     this.turnover = false; // whether robots come and go, so that some places are empty
@@ -216,6 +218,7 @@ export class World extends EventTarget {
       const group = codes && scene.groups?.[codes[index] - 1];
       if (group) words.push(group.name);
     }
+    if (frame.heights) words.push(`${heightText(frame.heights[index], scene.unit)} up`);
     if (frame.colours?.[index]) words.push(colourName(frame.colours[index]));
     FLAG_NAMES.forEach((name, bit) => {
       if (this.frame.flags[index] & (1 << bit)) words.push(name);
@@ -238,14 +241,16 @@ export class World extends EventTarget {
       pen.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     }
     this.view.resize(width, height);
-    this.repaint("ground", "trails", "robots");
+    this.schedule("ground", "trails", "robots");
   }
 
   // Show the robots if they are together in a small part of the world, and the second time all of the world.
   fit() {
     this.following = false;
     this.flock = null;
-    if (this.scene) this.show(!(this.fitted && this.close));
+    if (!this.scene) return;
+    this.show(!(this.fitted && this.close));
+    this.dispatchEvent(new Event("fit"));
   }
 
   // close: only the part in which robots are, if it is small.
@@ -255,7 +260,8 @@ export class World extends EventTarget {
     const part = close && this.frame?.count ? this.crowd((walls ? 2 : ROOM) * this.scene.sizes[0][1]) : area;
     const small = SMALL * (part[2] - part[0]) < area[2] - area[0] && SMALL * (part[3] - part[1]) < area[3] - area[1];
     this.close = close && (small || this.scene.discs);
-    this.view.fit(area, this.close ? part : area);
+    this.shown = this.close ? part : area;
+    this.view.fit(area, this.shown);
     this.moved(true);
   }
 
@@ -286,6 +292,13 @@ export class World extends EventTarget {
   zoom(factor, x, y) {
     this.view.zoom(factor, x, y);
     this.moved();
+  }
+
+  // Follow nobody any more.
+  letGo() {
+    this.following = false;
+    this.flock = null;
+    this.moved(this.fitted);
   }
 
   pan(dx, dy) {
@@ -326,7 +339,7 @@ export class World extends EventTarget {
 
   moved(fitted = false) {
     this.fitted = fitted;
-    this.repaint("ground", "trails", "robots");
+    this.schedule("ground", "trails", "robots");
     this.dispatchEvent(new Event("moved"));
   }
 
@@ -344,6 +357,11 @@ export class World extends EventTarget {
   // ---- drawing
 
   repaint(...layers) {
+    if (layers.includes("ground")) this.grounds += 1;
+    this.schedule(...layers);
+  }
+
+  schedule(...layers) {
     for (const layer of layers) this.stale.add(layer);
     if (this.waiting) return;
     this.waiting = true;
@@ -372,8 +390,7 @@ export class World extends EventTarget {
     drawSwarm(pens.robots, view, scene, frame, this.looks, this.marks, colours, this.ratio);
     if (this.shows("density")) this.density.draw(pens.robots, view, frame, colours.density, performance.now());
     drawPlaces(pens.robots, view, scene.places, colours);
-    const { marks, picked, ratio } = this;
-    const sizes = sizesOf(view, scene);
+    const { marks, picked, ratio, sizes } = this;
     this.labels.draw(pens.robots, view, { scene, frame, marks, colours, ratio, sizes, picked, replies: this.replies, robots: this.shows("names") });
     for (const tool of this.tools) tool.draw?.(pens.robots);
     this.drawTip();
@@ -393,40 +410,17 @@ export class World extends EventTarget {
 
   // The robot nearest to the pixel within reach, or -1.
   at(px, py) {
-    if (!this.frame) return -1;
-    const { poses, count } = this.frame;
-    const [x, y] = this.view.toWorld(px, py);
-    const sizes = sizesOf(this.view, this.scene);
-    let best = Infinity;
-    let nearest = -1;
-    for (let i = 0; i < count; i += 1) {
-      const dx = poses[3 * i] - x;
-      const dy = poses[3 * i + 1] - y;
-      const distance = dx * dx + dy * dy;
-      const reach = Math.max(NEAR, sizes(i)) / this.view.scale;
-      if (distance < Math.min(best, reach * reach)) [best, nearest] = [distance, i];
-    }
-    return nearest;
+    return this.frame ? robotAt(this.view, this.frame, this.sizes, px, py) : -1;
+  }
+
+  // Half of each robot's length on the screen, by its index.
+  get sizes() {
+    return sizesOf(this.view, this.scene);
   }
 
   // The robot next to the chosen one in a direction of the screen; the one nearest to the middle if none is chosen.
-  next([right, down]) {
-    const { poses, count } = this.frame;
-    const from = this.marks.chosen;
-    const [x, y] = from < 0 ? [this.view.x, this.view.y] : [poses[3 * from], poses[3 * from + 1]];
-    let best = Infinity;
-    let nearest = from;
-    for (let i = 0; i < count; i += 1) {
-      if (i === from) continue;
-      const dx = poses[3 * i] - x;
-      const dy = poses[3 * i + 1] - y;
-      const along = dx * right - dy * down;
-      const aside = Math.abs(dx * down + dy * right);
-      if (from >= 0 && (along <= 0 || aside > along)) continue;
-      const distance = Math.hypot(dx, dy) + (from < 0 ? 0 : aside);
-      if (distance < best) [best, nearest] = [distance, i];
-    }
-    return nearest;
+  next(direction) {
+    return robotBeside(this.view, this.frame, this.marks.chosen, direction);
   }
 
   keepInSight(index) {
@@ -452,11 +446,12 @@ export class World extends EventTarget {
     });
   }
 
-  // The pointer is over the pixel, or gone: show what is there. What a finger has touched stays told.
-  point(px, py, touch = false) {
+  // The pointer is over the pixel, or gone: show what is there. What a finger has touched stays told. on: as `pointedOn`.
+  point(px, py, touch = false, on = this) {
     if (!this.scene || !this.frame) return;
     this.pointer = px === null ? null : [px, py];
-    if (this.pointer) {
+    this.pointedOn = on;
+    if (this.pointer && on === this) {
       this.placeText.textContent = this.coordinates(...this.view.toWorld(px, py));
     } else if (!touch) this.placeText.textContent = "";
     this.lookUnder();
@@ -465,23 +460,24 @@ export class World extends EventTarget {
 
   // Which robot is at the pointer; it may have come there by itself.
   lookUnder() {
-    const pointed = this.pointer ? this.at(...this.pointer) : -1;
+    const pointed = this.pointer ? this.pointedOn.at(...this.pointer) : -1;
     if (pointed === this.marks.pointed) return;
     this.marks.pointed = pointed;
     this.map.classList.toggle("pointing", pointed >= 0);
     this.repaint("robots");
   }
 
-  // The label of the robot at the pointer, beside the robot wherever the map shows it.
-  drawTip() {
+  // The label of the robot at the pointer, beside the robot wherever a view shows it. on: the view whose label it is.
+  drawTip(on = this) {
     const { pointed } = this.marks;
-    const there = pointed >= 0 && pointed < this.frame.count;
-    this.tip.hidden = !there;
+    const { tip, view, frame } = on;
+    const there = this.pointedOn === on && pointed >= 0 && pointed < frame.count;
+    tip.hidden = !there;
     if (!there) return;
-    this.tip.textContent = this.describe(pointed);
-    const x = this.view.toScreenX(this.frame.poses[3 * pointed]);
-    const y = this.view.toScreenY(this.frame.poses[3 * pointed + 1]);
-    this.tip.style.transform = `translate(${Math.max(0, Math.min(x + 16, this.view.width - this.tip.offsetWidth - 4))}px, ${y + 16}px)`;
+    tip.textContent = this.describe(pointed);
+    const x = view.toScreenX(frame.poses[3 * pointed]);
+    const y = view.toScreenY(frame.poses[3 * pointed + 1]);
+    tip.style.transform = `translate(${Math.max(0, Math.min(x + 16, view.width - tip.offsetWidth - 4))}px, ${y + 16}px)`;
   }
 
   // Do what a key on the map means; whether it means anything.

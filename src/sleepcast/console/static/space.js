@@ -1,0 +1,354 @@
+// The view in three dimensions beside the map: the same robots, of the same frame and in the same colours, and what is
+// picked in one is picked in the other. It is opened by its button or by V, and only then is three.js fetched.
+//
+// For what is drawn over the robots and for what hands do, it is another `surface` like the map: robots stand in pixels in
+// its `frame`, and its `view` takes them as they are.
+
+import { make } from "./elements.js";
+import { gestures } from "./gestures.js";
+import { drawGround, drawPlaces } from "./ground.js";
+import { keep, kept } from "./kept.js";
+import { Labels } from "./labels.js";
+import { Orbit } from "./orbit.js";
+import { inkOf, inksOf, LOOKS } from "./shapes.js";
+import { Solids } from "./solids.js";
+import { drawRings, robotAt, robotBeside } from "./swarm.js";
+import { grown } from "./type.js";
+import { trailLines } from "./trails.js";
+import { View } from "./view.js";
+
+const LIBRARY = "./vendor/three/three.module.min.js";
+const KEY = "space";
+const SHEET = 2048; // pixels of the longer side of the ground
+const SMALLEST = 4; // pixels: half a robot's length at least
+const WALL_RADII = 4; // radii of the largest body that walls are high where nothing says how high they are,
+const WALL_SHARE = 0.004; // and at least this part of the world's longer side
+const DIMMED = 0.45; // of the colour of robots outside the lit ones
+const ZOOM_STEP = 1.4;
+const TURN_STEP = 40; // pixels of a hand that Shift and an arrow key are
+const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+
+export class Space {
+  // root: its pane. button: opens it. said: called with a sentence when it cannot be shown.
+  constructor(root, button, world, said) {
+    this.root = root;
+    this.button = button;
+    this.world = world;
+    this.said = said;
+    this.map = root.querySelector(".space-map");
+    this.tip = root.querySelector(".tip");
+    [this.canvas, this.over] = root.querySelectorAll("canvas");
+    this.pen = this.over.getContext("2d");
+    this.orbit = new Orbit();
+    this.view = new View();
+    this.labels = new Labels();
+    this.frame = { count: 0, poses: new Float32Array(0) };
+    this.depths = new Float32Array(0);
+    this.solids = null; // once the library is there
+    this.fitted = null; // the rectangle of the world that is fitted, null once somebody has moved the view
+    this.mapped = ""; // what the map has fitted last
+    this.drawn = {}; // what the meshes were made of
+    button.addEventListener("click", () => this.open(root.hidden));
+    new ResizeObserver(() => this.resize()).observe(this.map);
+    world.addEventListener("moved", () => this.follow());
+    world.addEventListener("fit", () => this.fit());
+    world.tools.push({ draw: () => this.draw() });
+    this.listen();
+    if (kept(KEY, false)) this.open(true);
+  }
+
+  async open(on) {
+    this.root.hidden = !on;
+    document.body.classList.toggle("spacious", on);
+    this.button.setAttribute("aria-pressed", String(on));
+    keep(KEY, on);
+    if (on && !this.solids) await this.load();
+    this.world.refit();
+  }
+
+  async load() {
+    try {
+      this.solids = new Solids(await import(LIBRARY), this.canvas);
+      this.resize();
+    } catch (error) {
+      this.open(false);
+      this.said(`The view in three dimensions cannot be shown: ${error.message}. It needs WebGL, which some browsers turn off.`);
+    }
+  }
+
+  get shown() {
+    return !this.root.hidden && this.solids !== null && this.world.frame !== null;
+  }
+
+  // ---- the eye
+
+  resize() {
+    const { width, height } = this.map.getBoundingClientRect();
+    if (!width || !height) return;
+    const { ratio } = this.world;
+    this.orbit.resize(width, height);
+    this.solids?.resize(width, height, ratio);
+    [this.over.width, this.over.height] = [Math.round(width * ratio), Math.round(height * ratio)];
+    this.pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    this.view.resize(width, height);
+    this.view.scale = this.view.whole = 1;
+    this.view.centre(width / 2, -height / 2);
+    if (this.fitted) this.orbit.fit(this.fitted, this.top);
+    this.draw();
+  }
+
+  // The height of the highest robot, m.
+  get top() {
+    const { heights, poses } = this.world.frame ?? {};
+    return heights ? heights.reduce((most, z, i) => (Number.isNaN(poses[3 * i + 2]) ? most : Math.max(most, z)), 0) : 0;
+  }
+
+  // The map shows something else: what it fits is fitted here as well, and what it follows stays in the middle.
+  follow() {
+    const { fitted, shown, following, flock, view, marks, frame } = this.world;
+    if (fitted && shown.join() !== this.mapped) this.fit();
+    if (!following && !flock) return;
+    this.fitted = null;
+    this.orbit.look(view.x, view.y, following ? (frame.heights?.[marks.chosen] ?? 0) : this.orbit.target[2]);
+  }
+
+  fit() {
+    this.fitted = this.world.shown ?? this.world.scene.area;
+    this.mapped = this.fitted.join();
+    this.orbit.fit(this.fitted, this.top);
+    this.repaint();
+  }
+
+  // Change what is seen, and show it.
+  moved(change) {
+    this.fitted = null;
+    change(this.orbit);
+    this.repaint();
+  }
+
+  repaint() {
+    if (this.waiting) return;
+    this.waiting = true;
+    requestAnimationFrame(() => this.draw());
+  }
+
+  // ---- drawing
+
+  draw() {
+    this.waiting = false;
+    if (!this.shown) return;
+    if (!this.mapped) this.fit();
+    const { solids, orbit, world } = this;
+    this.look();
+    this.drawStill();
+    this.drawTrails();
+    const { count, poses, heights } = world.frame;
+    solids.setBodies({ count, poses, heights, sizes: (i) => this.radius(i), colours: this.inks(), looks: this.codes() });
+    solids.render(orbit);
+    this.drawOver();
+  }
+
+  // Find out where robots are on the screen.
+  look() {
+    const { count, poses, heights } = this.world.frame;
+    if (this.depths.length !== count) {
+      this.depths = new Float32Array(count);
+      this.frame = { poses: new Float32Array(3 * count) };
+    }
+    this.frame = { ...this.world.frame, poses: this.frame.poses };
+    this.orbit.project(poses, heights, this.frame.poses, this.depths);
+    this.radii = radiiOf(this.world.scene.sizes, count, this.radii);
+    this.least = grown(SMALLEST) / this.orbit.focus;
+  }
+
+  // Half of a robot's length, m: its own, but never too small to see.
+  radius(i) {
+    return Math.max(this.radii[i], this.least * this.depths[i]);
+  }
+
+  // Half of each robot's length on the screen, by its index.
+  get sizes() {
+    return (i) => (this.radius(i) * this.orbit.focus) / (this.depths[i] || Infinity);
+  }
+
+  // Ground and walls, where these are others than those that there are.
+  drawStill() {
+    const { world, drawn, solids } = this;
+    const { scene, colours } = world;
+    if (drawn.ground !== world.grounds) {
+      drawn.ground = world.grounds;
+      solids.setGround(scene.area, this.sheet(), colours.ground);
+    }
+    if (drawn.obstacles === scene.obstacles && drawn.colours === colours) return;
+    Object.assign(drawn, { obstacles: scene.obstacles, colours });
+    const [left, bottom, right, top] = scene.area;
+    const largest = Math.max(...scene.sizes.map(([, radius]) => radius));
+    const high = Math.max(WALL_RADII * largest, WALL_SHARE * Math.max(right - left, top - bottom));
+    solids.setWalls(scene.obstacles, high, colours.obstacle);
+  }
+
+  // The ground as the map draws it.
+  sheet() {
+    const { scene, colours, under, field } = this.world;
+    const [left, bottom, right, top] = scene.area;
+    const scale = SHEET / Math.max(right - left, top - bottom);
+    const sheet = make("canvas", { width: Math.max(1, (right - left) * scale), height: Math.max(1, (top - bottom) * scale) });
+    const view = new View();
+    view.resize(sheet.width, sheet.height);
+    Object.assign(view, { scale, whole: scale });
+    view.centre((left + right) / 2, (bottom + top) / 2);
+    drawGround(sheet.getContext("2d"), view, scene, colours, [under, field]);
+    return sheet;
+  }
+
+  drawTrails() {
+    const { world, drawn, solids } = this;
+    const latest = world.shows("trails") ? world.trails.samples[0] : undefined;
+    if (drawn.trails === latest?.tick && drawn.palette === world.colours) return;
+    Object.assign(drawn, { trails: latest?.tick, palette: world.colours });
+    const { corners, colours } = latest
+      ? trailLines(world.trails.samples, inksOf(world.looks.bodies), this.colours(), world.scene.area)
+      : { corners: new Float32Array(0), colours: new Float32Array(0) };
+    solids.setTrails(corners, colours);
+  }
+
+  // The palette's colours of robots as red, green and blue of 1.
+  colours() {
+    return this.world.colours.robots.map(parts);
+  }
+
+  // The colour of each look; after those, dimmed ones and that of who is lit.
+  inks() {
+    const { colours } = this.world;
+    if (this.drawn.inks !== colours) {
+      this.drawn.inks = colours;
+      const ground = parts(colours.area);
+      const robots = this.colours();
+      const full = Array.from({ length: LOOKS }, (_, look) => robots[inkOf(look)]);
+      const dim = full.map((colour) => colour.map((part, at) => DIMMED * part + (1 - DIMMED) * ground[at]));
+      this.shades = [...full, ...dim, parts(colours.lit)];
+    }
+    return this.shades;
+  }
+
+  // For each robot which of these it has.
+  codes() {
+    const { looks, marks } = this.world;
+    if (!marks.lit || marks.glow < 0.5) return looks.bodies;
+    return looks.bodies.map((look, i) => (marks.lit[i] === 1 ? 2 * LOOKS : LOOKS + look));
+  }
+
+  // What is drawn over the robots: names, rings, what is selected, the label at the pointer.
+  drawOver() {
+    const { pen, view, world, frame, sizes } = this;
+    const { marks, colours, picked, ratio, replies } = world;
+    pen.clearRect(0, 0, view.width, view.height);
+    this.drawDrop();
+    drawRings(pen, view, frame, sizes, marks, colours.chosen);
+    const flat = (points) => points.map((point) => ({ ...point, ...this.onScreen(point.x, point.y, 0) }));
+    const scene = { ...world.scene, places: flat(world.scene.places), lights: flat(world.scene.lights), areas: [] };
+    drawPlaces(pen, view, scene.places, colours);
+    this.labels.draw(pen, view, { scene, frame, marks, colours, ratio, sizes, picked, replies, robots: world.shows("names") });
+    for (const tool of world.tools) if (tool.anywhere) tool.draw(pen, this);
+    world.drawTip(this);
+  }
+
+  onScreen(x, y, z) {
+    const [seen, depth] = [new Float32Array(3), new Float32Array(1)];
+    this.orbit.project([x, y, 0], [z], seen, depth);
+    return { x: seen[0], y: seen[1] };
+  }
+
+  // A line from the chosen robot down to the ground, which tells how high it is and over what.
+  drawDrop() {
+    const { pen, view, world } = this;
+    const { frame, marks, colours } = world;
+    const z = frame.heights?.[marks.chosen] ?? 0;
+    if (marks.chosen < 0 || z === 0) return;
+    const foot = this.onScreen(frame.poses[3 * marks.chosen], frame.poses[3 * marks.chosen + 1], 0);
+    pen.beginPath();
+    pen.moveTo(view.toScreenX(foot.x), view.toScreenY(foot.y));
+    pen.lineTo(view.toScreenX(this.frame.poses[3 * marks.chosen]), view.toScreenY(this.frame.poses[3 * marks.chosen + 1]));
+    pen.setLineDash([4, 3]);
+    pen.strokeStyle = colours.chosen;
+    pen.lineWidth = 1.4;
+    pen.stroke();
+    pen.setLineDash([]);
+  }
+
+  // ---- hands and keys
+
+  at(px, py) {
+    return this.shown ? robotAt(this.view, this.frame, this.sizes, px, py) : -1;
+  }
+
+  listen() {
+    const { world } = this;
+    const tools = () => (this.shown ? world.tools.filter((tool) => tool.anywhere) : []);
+    gestures(this.map, {
+      drag: (dx, dy) => this.moved((orbit) => orbit.turn(dx, dy)),
+      grab: (x, y, event) => (event.ctrlKey ? this.hold(x, y) : tools().map((tool) => tool.grab?.(x, y, event, this)).find(Boolean)) || null,
+      click: (x, y, event) => tools().some((tool) => tool.click?.(x, y, event, this)) || world.choose(this.at(x, y)),
+      hover: (x, y, touch) => world.point(x, y, touch, this),
+      zoom: (factor, x, y) => this.moved((orbit) => orbit.zoom(factor, x, y)),
+      busy: () => tools().some((tool) => tool.busy),
+    });
+    this.map.addEventListener("keydown", (event) => {
+      if (!this.shown || event.metaKey || event.altKey) return;
+      if (this.key(event) || this.asOnMap(event)) event.preventDefault();
+    });
+    world.map.addEventListener("keydown", (event) => {
+      if (event.key.toLowerCase() === "v" && !event.ctrlKey && !event.metaKey && !event.altKey) this.open(this.root.hidden);
+    });
+  }
+
+  // With Ctrl, the ground is taken hold of.
+  hold(x, y) {
+    let [lastX, lastY] = [x, y];
+    const move = (toX, toY) => {
+      this.world.letGo();
+      this.moved((orbit) => orbit.pan(toX - lastX, toY - lastY));
+      [lastX, lastY] = [toX, toY];
+    };
+    return { move, drop: () => {} };
+  }
+
+  // Do what a key means for where one looks from; whether it means anything.
+  key(event) {
+    const arrow = ARROWS[event.key];
+    const { world } = this;
+    if (arrow && event.ctrlKey) this.moved((orbit) => orbit.pan(-TURN_STEP * arrow[0], -TURN_STEP * arrow[1]));
+    else if (event.ctrlKey) return false;
+    else if (arrow && event.shiftKey) this.moved((orbit) => orbit.turn(-TURN_STEP * arrow[0], -TURN_STEP * arrow[1]));
+    else if (arrow) world.choose(robotBeside(this.view, this.frame, world.marks.chosen, arrow));
+    else if (event.key === "+" || event.key === "=") this.moved((orbit) => orbit.zoom(ZOOM_STEP));
+    else if (event.key === "-" || event.key === "_") this.moved((orbit) => orbit.zoom(1 / ZOOM_STEP));
+    else if ((event.key === "c" || event.key === "C") && world.marks.chosen >= 0) this.centreChosen();
+    else return false;
+    return true;
+  }
+
+  centreChosen() {
+    const { frame, marks } = this.world;
+    const { poses, heights } = frame;
+    this.moved((orbit) => orbit.look(poses[3 * marks.chosen], poses[3 * marks.chosen + 1], heights?.[marks.chosen] ?? 0));
+  }
+
+  // What else a key means on the map, it means here; whether it means anything.
+  asOnMap(event) {
+    const { key, shiftKey, ctrlKey } = event;
+    return !this.world.map.dispatchEvent(new KeyboardEvent("keydown", { key, shiftKey, ctrlKey, cancelable: true }));
+  }
+}
+
+// A colour of the page (#rrggbb) as red, green and blue of 1.
+const parts = (colour) => [1, 3, 5].map((at) => Number.parseInt(colour.slice(at, at + 2), 16) / 255);
+
+// The radius of each robot, m. before: as they were last, which may still hold.
+function radiiOf(sizes, count, before) {
+  if (before?.length === count && before.sizes === sizes) return before;
+  const radii = Object.assign(new Float32Array(count), { sizes });
+  let first = 0;
+  for (const [robots, radius] of sizes) radii.fill(radius, first, (first += robots));
+  return radii;
+}

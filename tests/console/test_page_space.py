@@ -1,0 +1,152 @@
+"""The view in three dimensions beside the map, in a real Chromium, and the arithmetic under it.
+
+As in `test_page`, the browser must have had nothing to complain about.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from playwright.sync_api import BrowserContext, Page, expect
+
+from console.running import PATIENCE, Program
+from console.test_page import opened, pixels_seen, until
+from sleepcast.console.page_parts import STATIC
+
+browser = pytest.mark.browser
+
+expect.set_options(timeout=1000 * PATIENCE)
+
+
+@pytest.fixture
+def rovers(program: Program, context: BrowserContext) -> Iterator[Page]:
+    """The small world's page."""
+    yield from opened(program, context)
+
+
+def ring(page: Page) -> tuple[float, float]:
+    """The middle of the ring round the chosen robot."""
+    found = pixels_seen(page, "--chosen", "space-over")
+    return tuple((min(each) + max(each)) / 2.0 for each in zip(*found, strict=True))
+
+
+@browser
+def test_the_view_is_fetched_when_it_is_opened_and_picks_robots_as_the_map_does(rovers: Page) -> None:
+    fetched: list[str] = []
+    rovers.on("request", lambda request: fetched.append(request.url.rsplit("/", 1)[-1]))
+    rovers.locator("#run").click()  # robots that stand can be pointed at
+    rovers.locator("#map").focus()
+    rovers.keyboard.press("ArrowUp")
+    assert fetched == []
+    rovers.keyboard.press("v")
+    view = rovers.get_by_role("application", name="View of the robots in three dimensions")
+    expect(view).to_be_visible()
+    expect(rovers.locator("#space")).to_have_attribute("aria-pressed", "true")
+    x, y = ring(rovers)
+    assert fetched == ["three.module.min.js", "three.core.min.js"]
+    chosen = rovers.locator("#robot-name").inner_text()
+
+    view.focus()
+    rovers.keyboard.press("ArrowRight")
+    expect(rovers.locator("#robot-name")).not_to_have_text(chosen)
+    expect(rovers.locator("#heard")).not_to_contain_text(chosen)
+    assert ring(rovers)[0] > x, "the next one to the right, as this view shows it"
+    rovers.mouse.click(x, y)
+    expect(rovers.locator("#robot-name")).to_have_text(chosen)
+    expect(rovers.locator(".space .tip")).to_contain_text(chosen)
+    expect(rovers.locator("#tip")).to_be_hidden()
+
+    before = ring(rovers)
+    view.focus()
+    rovers.keyboard.press("Shift+ArrowRight")
+    until(rovers, lambda: ring(rovers) != before)
+    rovers.keyboard.press("l")  # what the map does with its other keys
+    expect(rovers.locator("#lasso")).to_have_attribute("aria-pressed", "true")
+    x, y = ring(rovers)
+    rovers.mouse.move(x - 12, y - 12)
+    rovers.mouse.down()
+    for dx, dy in ((12, -12), (12, 12), (-12, 12), (-12, -12)):
+        rovers.mouse.move(x + dx, y + dy, steps=3)
+    rovers.mouse.up()
+    expect(rovers.locator("#selection .count")).to_contain_text("selected")
+    rovers.keyboard.press("v")
+    expect(view).to_be_hidden()
+
+
+@browser
+def test_a_browser_without_webgl_says_so_and_keeps_the_map(program: Program, context: BrowserContext) -> None:
+    context.add_init_script(
+        """
+        const real = HTMLCanvasElement.prototype.getContext;
+        HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
+          return kind.startsWith("webgl") ? null : real.call(this, kind, ...rest);
+        };
+        """
+    )
+    for page in opened(program, context, expected="THREE.WebGLRenderer"):
+        page.locator("#space").click()
+        expect(page.locator("#refused-text")).to_contain_text("The view in three dimensions cannot be shown")
+        expect(page.locator("#refused-text")).to_contain_text("WebGL")
+        expect(page.locator(".space")).to_be_hidden()
+        expect(page.locator("#space")).to_have_attribute("aria-pressed", "false")
+
+
+def calculated(page: Page, module: str, script: str) -> Any:
+    """What a function, given the exports of one of the page's modules, comes to."""
+    return page.evaluate(f"""async () => ({script})(await import("/static/{module}.js"))""")
+
+
+@browser
+def test_forms_and_the_camera_are_right(rovers: Page) -> None:
+    counts = calculated(
+        rovers, "forms", "(f) => ['copter', 'farCopter', 'rover', 'farRover'].map((k) => f[k]().corners.length / 9)"
+    )
+    assert counts == [29, 6, 10, 3]
+    assert max(counts) <= 60
+
+    square, hole, island = ([[a, a], [b, a], [b, b], [a, b]] for a, b in ((0, 10), (2, 8), (4, 6)))
+    given = calculated(
+        rovers,
+        "forms",
+        f"""(f) => {{
+          const parts = [];
+          f.prisms([{[square, hole, island]}], 2, (contour, holes) => {{
+            parts.push([contour.length, holes.length, contour[0][0]]);
+            return [];
+          }});
+          return parts;
+        }}""",
+    )
+    assert given == [[4, 1, 0], [4, 0, 4]], "what an odd number of outlines encloses is solid"
+
+    seen = calculated(
+        rovers,
+        "orbit",
+        """({ Orbit }) => {
+          const orbit = new Orbit();
+          orbit.resize(800, 600);
+          orbit.turn(37, -20);
+          orbit.fit([-30, 0, 50, 20], 15);
+          const corners = [-30, 0, 0, 50, 0, 0, -30, 20, 0, 50, 20, 0, -30, 0, 0, 50, 20, 0];
+          const [pixels, depths] = [new Float32Array(18), new Float32Array(6)];
+          orbit.project(corners, [0, 0, 0, 0, 15, 15], pixels, depths);
+          const under = orbit.under(500, 400);
+          orbit.zoom(2, 500, 400);
+          return { pixels: [...pixels], depths: [...depths], under, then: orbit.under(500, 400) };
+        }""",
+    )
+    assert all(0.0 <= x <= 800.0 for x in seen["pixels"][::3])
+    assert all(0.0 <= -y <= 600.0 for y in seen["pixels"][1::3])
+    assert min(seen["depths"]) > 0.0
+    assert seen["then"] == pytest.approx(seen["under"]), "one comes closer to what is under the pointer"
+
+
+def test_the_library_is_unchanged() -> None:
+    folder = STATIC / "vendor" / "three"
+    sums = [line.split() for line in (folder / "VERSION.txt").read_text().partition("sha256:\n")[2].splitlines()]
+    assert {name for _, name in sums} | {"VERSION.txt"} == {file.name for file in folder.iterdir()}
+    for wanted, name in sums:
+        assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == wanted, name

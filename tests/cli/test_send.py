@@ -235,7 +235,7 @@ def test_what_does_not_go_together(channel: str, capsys: pytest.CaptureFixture[s
         ("lease", "grant", "bravo"): "--to NAME",
         ("lease", "take", "bra vo"): "not a group's name",
         ("lease", "take", ""): "not a group's name",
-        ("lease", "take", "bravo", "--seconds", "2h"): "a lease is for 0 to 3600 s, not 7200 s",
+        ("lease", "take", "bravo", "--seconds", "2h"): "a lease is for 0 s to 1 h, not 7200 s",
         ("lease", "give", "bravo", "--keep"): "--keep goes with",
     }
     for arguments, complaint in wrong.items():

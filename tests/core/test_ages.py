@@ -6,7 +6,7 @@ from math import inf, nan
 
 import pytest
 
-from sleepcast.core.ages import ago
+from sleepcast.core.ages import age, ago, duration
 
 
 @pytest.mark.parametrize(
@@ -29,3 +29,30 @@ def test_it_is_said_in_the_unit_in_which_people_think(seconds: float, said: str)
 @pytest.mark.parametrize("seconds", [inf, -inf, nan])
 def test_whatever_comes_it_is_a_text(seconds: float) -> None:
     assert ago(seconds)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "said"),
+    [
+        (0.0, "0 s"),
+        (0.25, "0.25 s"),
+        (59.4, "59.4 s"),
+        (59.9, "1 min"),
+        (125.0, "2 min 5 s"),
+        (3_599.9, "1 h"),
+        (86_339.0, "23 h 59 min"),
+        (86_400.0, "24 h"),
+        (400_000.0, "5 days"),
+        (1e300, "1.15741e+295 days"),
+    ],
+)
+def test_a_duration_is_said_in_units_of_people(seconds: float, said: str) -> None:
+    assert duration(seconds) == said
+
+
+@pytest.mark.parametrize(
+    ("seconds", "said"),
+    [(-0.1, "0.0 s"), (0.5, "0.5 s"), (42.0, "42 s"), (119.0, "2 min"), (5_900.0, "98 min"), (7_300.0, "2 h")],
+)
+def test_an_age_has_room_in_a_column(seconds: float, said: str) -> None:
+    assert age(seconds) == said

@@ -17,8 +17,8 @@ NOON = datetime(2026, 6, 1, 12, 0, 0).timestamp()
     [("12:30:05", 1_805.0), ("12:00:00.5", 0.5), ("13:00", 3_600.0), ("12:00", 86_400.0), (" 00:10 ", 43_800.0)],
 )
 def test_a_time_of_day_is_the_next_moment_that_clocks_show(text: str, later: float) -> None:
-    assert instant_of(text, NOON) == pytest.approx(NOON + later)
-    assert time_of_day(instant_of(text, NOON)).startswith(text.strip()[:5])
+    assert instant_of(text, NOON, 86_400.0) == pytest.approx(NOON + later)
+    assert time_of_day(instant_of(text, NOON, 86_400.0)).startswith(text.strip()[:5])
 
 
 @pytest.mark.parametrize(
@@ -26,5 +26,20 @@ def test_a_time_of_day_is_the_next_moment_that_clocks_show(text: str, later: flo
 )
 def test_what_is_no_time_of_day_is_refused_with_what_was_wanted(text: str) -> None:
     with pytest.raises(MisuseError, match="wanted hours, minutes and seconds, such as 12:30:05") as refused:
-        instant_of(text, NOON)
+        instant_of(text, NOON, 86_400.0)
     assert len(str(refused.value)) < 200
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (
+            "11:58:59",
+            "11:58:59 was 1 min 1 s ago, and next is in 23 h 59 min: wanted one within the next 1 h",
+        ),
+        ("18:30", "18:30 is in 6 h 30 min: wanted"),
+    ],
+)
+def test_a_time_of_day_that_is_over_or_far_ahead_is_refused_in_hours_and_minutes(text: str, told: str) -> None:
+    with pytest.raises(MisuseError, match=told):
+        instant_of(text, NOON, 3_600.0)

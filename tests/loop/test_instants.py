@@ -91,7 +91,7 @@ def test_python_sends_a_command_for_an_instant_of_the_run() -> None:
     assert (len(sent.waiting), sent.instant) == (3, pytest.approx(4.0))
     fleet.run(5)
     assert len(sent.matched) == 3
-    with pytest.raises(MisuseError, match=r"wanted one within the next 3600 s"):
+    with pytest.raises(MisuseError, match=r"wanted one within the next 1 h"):
         fleet.send("(MARK)", everybody=True, at=2.0)
 
 

@@ -23,6 +23,7 @@ from sleepcast.core.errors import MisuseError
 from sleepcast.core.given_numbers import in_seconds, read_seconds
 from sleepcast.core.time_of_day import instant_of
 from sleepcast.language import Explanation
+from sleepcast.language.functions import MAX_WAIT
 from sleepcast.station import Command, Preview, Station, asking
 from sleepcast.station.asking import AHEAD, ask_why, look_around, may_be_known_to_robots, prepare_with_robots
 from sleepcast.station.network import NetworkStation
@@ -110,7 +111,7 @@ class ConnectedFleet(Fleet):
     def _instant(self, at: float | str | datetime) -> float:
         if isinstance(at, datetime):
             return at.timestamp()
-        return instant_of(at, self.station.now) if isinstance(at, str) else super()._instant(at)
+        return instant_of(at, self.station.now, MAX_WAIT) if isinstance(at, str) else super()._instant(at)
 
     def _prepare(self, text: str, terms: Terms, desk: Station) -> Prepared:
         with self._turn():

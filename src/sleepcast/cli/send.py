@@ -13,9 +13,11 @@ from sleepcast.cli.account import forecast_text, show_account, stages_as_dict
 from sleepcast.cli.air import operator
 from sleepcast.cli.options import NegativeNumbersAllowed, QuantityType
 from sleepcast.cli.streams import complain, put, somebody_there
+from sleepcast.core.ages import duration
 from sleepcast.core.errors import and_more
 from sleepcast.core.time_of_day import instant_of, time_of_day
 from sleepcast.core.units import TIME
+from sleepcast.language.functions import MAX_WAIT
 
 if TYPE_CHECKING:
     from sleepcast.language import Checked
@@ -115,7 +117,7 @@ def send(
     audience = Audience(None if only is None else only.replace(",", " ").split())
     if audience.only == []:
         raise click.UsageError("--only names nobody: wanted robots, as in --only r1,r2")
-    instant = None if at is None else instant_of(at, UnixClock().now())
+    instant = None if at is None else instant_of(at, UnixClock().now(), MAX_WAIT)
     terms = Terms(standing, deadline, everybody, audience, anyway=anyway, at=instant)
     with observing_station(air, complain, strict=strict) as (station, telemetry):
         station.holding = hold is not None
@@ -276,7 +278,8 @@ def release(air: AirOptions, as_json: bool) -> int:
 def gathered(station: NetworkStation, sent: Command, patience: float, as_json: bool) -> int:
     """Collect the answers, and print the account. The exit status is 1 if anything went wrong on a robot."""
     if sent.instant is not None:
-        complain(f"robots wait for {time_of_day(sent.instant)}; (CANCEL) or STOP discards it")
+        left = duration(max(0.0, sent.instant - station.now))
+        complain(f"robots wait for {time_of_day(sent.instant)}, in {left}; (CANCEL) or STOP discards it")
     station.gather(sent, patience)
     station.settle(sent, patience)
     account = station.accounting(sent.id)

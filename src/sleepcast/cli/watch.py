@@ -13,7 +13,7 @@ from sleepcast.cli.account import state_as_dict
 from sleepcast.cli.air import operator
 from sleepcast.cli.options import NegativeNumbersAllowed, every_option
 from sleepcast.cli.streams import announce, complain, put
-from sleepcast.core.ages import ago
+from sleepcast.core.ages import age, ago
 from sleepcast.core.errors import MisuseError, did_you_mean, printable
 
 if TYPE_CHECKING:
@@ -190,8 +190,8 @@ class Window:
         mind = self.telemetry.minds.get(name)
         if mind is None:
             return [name, "never", "" if heard is None else f"heard {ago(now - heard)}", "", *("" for _ in columns)]
-        age = now - mind.reported_at
-        late = "silent " if age > self.station.stale_after else ""
+        since = now - mind.reported_at
+        late = "silent " if since > self.station.stale_after else ""
         telemetry = mind.telemetry
         words = [_stopped(mind, self._unit("speed") or "m/s")] if mind.stopped else []
         words += ["driven"] * telemetry.driven + ["catching up"] * telemetry.catching_up
@@ -200,7 +200,7 @@ class Window:
         values = _values(mind, columns)
         return [
             name,
-            _age(age),
+            age(since),
             f"{late}{state}",
             ", ".join(sorted(telemetry.groups)),
             *map(self._shown, columns, values.values()),
@@ -249,7 +249,3 @@ def _stopped(mind: RemoteMind, unit: str) -> str:
     if rest is None or rest.at_rest:
         return "STOPPED" if rest is None else "AT REST"
     return f"STOPPING {value_in_words(rest.speed, unit, 3)}"
-
-
-def _age(seconds: float) -> str:
-    return f"{max(0.0, seconds):.1f} s" if seconds < 100.0 else f"{seconds / 60.0:.0f} min"

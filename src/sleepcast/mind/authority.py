@@ -57,6 +57,7 @@ from sleepcast.channel.message import (
     age_of,
     message_id,
 )
+from sleepcast.core.ages import duration
 from sleepcast.core.errors import MisuseError, decimal_comma
 from sleepcast.core.quantities import QuantityError, in_si
 from sleepcast.core.records import NamedTuple
@@ -204,8 +205,8 @@ class Leases:
 
 
 def _held_by(lease: Lease, group: str, now: float) -> str:
-    left = lease.until - now
-    return f"{group} is under the lease of {lease.holder} for {left:.0f} s more; sleepcast lease request {group} asks"
+    left = duration(round(lease.until - now))
+    return f"{group} is under the lease of {lease.holder} for {left} more; sleepcast lease request {group} asks"
 
 
 # ---- the dead man's switch: the operator of a driven robot must be heard, or its body comes to rest

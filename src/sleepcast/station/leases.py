@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from sleepcast.channel import Message
 from sleepcast.channel.message import DO, GROUP, LEASE, MAX_NAME, SECONDS, TO, LeaseAction, Role
+from sleepcast.core.ages import duration
 from sleepcast.core.errors import MisuseError, printable, slip_of, with_article
 from sleepcast.language import Names, ReadError, Symbol, read
 from sleepcast.language.symbols import known_groups
@@ -31,7 +32,9 @@ def lease_body(action: LeaseAction, group: str, seconds: float, to: str = "") ->
     if not named or len(group) > MAX_NAME:
         raise LeaseError(f"{group!r:.80} is not a group's name: wanted one word, e.g. bravo")
     if not 0.0 <= seconds <= MAX_LEASE:
-        raise LeaseError(f"a lease is for 0 to {MAX_LEASE:g} s, not {seconds:g} s: renew it if you need it longer")
+        raise LeaseError(
+            f"a lease is for 0 s to {duration(MAX_LEASE)}, not {seconds:g} s: renew it if you need it longer"
+        )
     if action is LeaseAction.GRANT and not to:
         raise LeaseError(f"say to whom {group} is granted (--to NAME)")
     return {LEASE: {DO: action.value, GROUP: group, SECONDS: seconds, TO: to}}

@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.core.ages import duration
 from sleepcast.core.records import NamedTuple
 from sleepcast.language import Checked
 from sleepcast.language.functions import MAX_WAIT
@@ -116,8 +117,8 @@ def with_instant(text: str, at: float | None, now: float) -> str:
     read(text)  # an error is to tell of what was written, not of what stands around it
     left = round(at - now, 6)
     if not 0.0 < left <= MAX_WAIT:
-        when = f"in {left:.6g} s" if left > 0.0 else f"{-left:.3g} s ago" if left < 0.0 else "now"
-        raise CommandTypeError(f"the instant is {when}: wanted one within the next {MAX_WAIT:g} s")
+        when = f"in {duration(left)}" if left > 0.0 else f"{duration(-left)} ago" if left < 0.0 else "now"
+        raise CommandTypeError(f"the instant is {when}: wanted one within the next {duration(MAX_WAIT)}")
     return timed(text, left)
 
 
@@ -262,7 +263,7 @@ def validate_type(program: Program, standing: bool, deadline: float | None) -> f
         seconds = _usual_deadline(program) if deadline is None else deadline
         if not 0.0 < seconds <= MAX_DEADLINE:
             raise CommandTypeError(
-                f"a deadline lies more than 0 and at most {MAX_DEADLINE:g} s ahead, not {seconds:g} s"
+                f"a deadline lies more than 0 and at most {duration(MAX_DEADLINE)} ahead, not {seconds:g} s"
             )
         return seconds
     if (auction := auction_of(program.root)) is not None:

@@ -16,7 +16,7 @@ from prompt_toolkit.utils import get_cwidth
 from sleepcast.channel import Kind
 from sleepcast.cli.account import FEW
 from sleepcast.cli.describe import answer_text
-from sleepcast.core.ages import ago
+from sleepcast.core.ages import age, ago
 from sleepcast.core.errors import printable
 from sleepcast.core.units import value_in_words
 from sleepcast.language import Variable
@@ -94,14 +94,15 @@ def robots(session: TuiSession, width: int, height: int, first: int) -> list[Lin
     lines = []
     for name in names:
         heard, mind = roster[name], session.mind(name)
-        age = float("inf") if heard is None else max(0.0, session.station.now - heard)
-        lost = age > lost_after
+        since = float("inf") if heard is None else session.station.now - heard
+        lost = since > lost_after
         letters = ("2" if name in shared else "?" if mind is None else _state(mind)) + ("L" if lost else " ")
         style = "class:warned" if lost or mind is None or name in shared else "class:stopped" if mind.stopped else ""
         code = _outcome(latest, silent, name)
         cells = [_value(session, name, each).rjust(room - 8) for each in session.shown]
         cells += [",".join(sorted(mind.telemetry.groups))] if mind is not None and mind.telemetry.groups else []
-        text = f"{clipped(printable(name), room):<{room}} {code} {_age(age):>5}  {'  '.join(cells)}"
+        told = "never" if heard is None else age(since).replace(" ", "")
+        text = f"{clipped(printable(name), room):<{room}} {code} {told:>5}  {'  '.join(cells)}"
         answered = "class:warned" if code in "F-UH" else ""
         lines.append([(style, f"{letters} "), (answered, clipped(printable(text), width - 3))])
     return lines or _plain("no robot heard yet: are robots up, on this channel, with these keys?", width)
@@ -150,14 +151,6 @@ def _value(session: TuiSession, robot: str, name: str) -> str:
         return "?"
     value = mind.values[binding.slot]
     return value_in_words(value, unit_of(name, session.telemetry.minds.vocabulary)).replace(" ", "")
-
-
-def _age(seconds: float) -> str:
-    if seconds == float("inf"):
-        return "never"
-    if seconds < 100.0:
-        return f"{seconds:.1f}s" if seconds < 10.0 else f"{seconds:.0f}s"
-    return f"{seconds / 60.0:.0f}min" if seconds < 6000.0 else f"{seconds / 3600.0:.0f}h"
 
 
 # ---- commands

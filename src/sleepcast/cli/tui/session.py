@@ -30,6 +30,7 @@ from sleepcast.cli.tui.commands import (
 from sleepcast.core.errors import MisuseError, SleepcastError, counted, did_you_mean, printable
 from sleepcast.core.time_of_day import instant_of
 from sleepcast.language import Checked, ReadError, read
+from sleepcast.language.functions import MAX_WAIT
 from sleepcast.language.vocabulary import Variable
 from sleepcast.station.asking import AwaitedRelease
 from sleepcast.station.network import ANSWERS_A_SECOND, NetworkStation
@@ -374,7 +375,7 @@ class TuiSession:
             case "why":
                 self._ask_why(rest)
             case "at":
-                self.at = None if rest == "now" else instant_of(rest, self.station.now)
+                self.at = None if rest == "now" else instant_of(rest, self.station.now, MAX_WAIT)
             case "hold":
                 self._hold(rest)
             case "look":

@@ -78,6 +78,10 @@ def test_who_is_gone_is_neither_counted_nor_selected_and_another_in_its_place_ha
     send("(WHEN (= id 1) (DIE))", "19 robots, 2 selected")
     send("(WHEN (= id 9) (HATCH rover 1))", "20 robots, 2 selected")
     until(page, lambda: cells(page, 0)[:2] == ["rover21", "rover2"])
+    page.locator("#drawer-table").press("Control+z")
+    expect(page.locator(".table-told")).to_have_text("20 robots")
+    page.locator("#drawer-table").press("Control+Shift+z")  # rover21, where rover1 was, was never selected
+    expect(page.locator(".table-told")).to_have_text("20 robots, 2 selected")
 
 
 def test_robots_are_sorted_filtered_chosen_and_saved(rovers: Page, tmp_path: Path) -> None:

@@ -124,6 +124,17 @@ def test_a_robot_gives_its_young_no_more_than_it_has() -> None:
     assert shared == [0.0, energy / 2, pytest.approx(energy / 14)]
 
 
+def test_what_was_given_away_is_not_copied_as_well() -> None:
+    run = swarm()
+    energy = run.minds["sheep1"].evaluate("energy").value
+    assert isinstance(energy, float)
+    run.minds["sheep1"].evaluate("(PROGN (HATCH sheep 1 0.75) (HATCH sheep 2) (HATCH sheep 1 0.5))")
+    run.step()
+    names = ("sheep1", "sheep11", "sheep12", "sheep13", "sheep14")
+    found = [run.minds[name].evaluate("energy").value for name in names]
+    assert found == [energy / 8, energy * 0.75, energy / 4, energy / 4, energy / 8]
+
+
 def test_names_and_numbers_are_never_used_again_and_rows_are() -> None:
     run = swarm(sheep="hatch = true\nmost = 7")
     seen = {name: run.minds[name].number for name in run.fleet}

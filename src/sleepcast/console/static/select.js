@@ -27,6 +27,8 @@ export class Selecting extends EventTarget {
     this.lassoOn = null; // where it is drawn
     this.asked = 0;
     this.anywhere = true; // on other views of these robots too, each a `surface` {view, frame, sizes, at}
+    this.time = 0; // how often robots have come or gone
+    this.changedAt = new Map(); // when that last happened at a place
     world.tools.push(this);
     button.addEventListener("click", () => this.switch(!this.on));
     this.find("use").addEventListener("click", () => this.use());
@@ -67,7 +69,9 @@ export class Selecting extends EventTarget {
     const after = this.marks;
     if (before.length === after.length && before.every((mark, index) => mark === after[index])) return;
     const name = this.count ? `select ${this.count.toLocaleString("en")} ${this.count === 1 ? "robot" : "robots"}` : "clear the selection";
-    this.undo.did(name, () => this.put(before), () => this.put(after));
+    const { time } = this;
+    const again = (marks) => this.put(marks.map((mark, place) => (this.changedAt.get(place) > time ? 0 : mark)));
+    this.undo.did(name, () => again(before), () => again(after));
   }
 
   put(marks, pause = PAUSE) {
@@ -79,8 +83,11 @@ export class Selecting extends EventTarget {
     this.set(new Uint8Array(0));
   }
 
-  // Other robots are at these places than before, which nobody has selected. It cannot be undone.
+  // Other robots are at these places than before, which nobody has selected. It cannot be undone, and nothing that is
+  // undone selects them.
   forget(places) {
+    this.time += 1;
+    for (const place of places) this.changedAt.set(place, this.time);
     const gone = places.filter((place) => this.marks[place]);
     if (gone.length) this.put(this.marks.map((mark, place) => (gone.includes(place) ? 0 : mark)));
   }

@@ -217,14 +217,11 @@ class Bodies:
     def turn_over(self, turnover: Turnover) -> None:
         """Robots have come, each as a copy of its parent, but for what it gets of its stores; and others have gone."""
         parents, children, dead = turnover.parents, turnover.children, turnover.dead
-        shares = turnover.shares
         for column in self._columns.values():
             column[..., children] = column[..., parents]
         self._know_values(children)
-        shared = ~np.isnan(shares)
         for row in self.stores:
-            given = row[parents] * shares
-            row[children] = np.where(shared, given, row[children])
+            row[children] = row[parents] * turnover.shares
             row[turnover.givers] *= turnover.kept
         self.numbers[children] = turnover.numbers
         self.chance[children] = self._chances()[children]

@@ -40,7 +40,7 @@ class Turnover(NamedTuple):
 
     parents, children: each child with its parent, in the order of the children's numbers
     numbers: of the children, from 0
-    shares: of each store of its parent that each child gets, NaN where it has as much as its parent
+    shares: of each store of its parent that each child gets; 1 where it has as much as its parent
     givers, kept: the parents that give of their stores, and the share that each keeps
     dead: those that go
     refused: parents for whose children there was no room any more, and that stay themselves; ascending
@@ -145,7 +145,8 @@ class Population:
 
     def _placed(self) -> tuple[Whole, Whole, Floats, dict[int, float], Whole]:
         """The children with their parents, rows and shares; what parents keep of their stores; and the parents of those
-        for whom there is no room. Each call gives of what those before it have left: so nobody gives more than all."""
+        for whom there is no room. Each call gives of what those before it have left, or copies that: so nobody gives
+        more than all."""
         asked, self._asked = self._asked, {}
         free = [iter((np.flatnonzero(~self.present[each]) + each.start).tolist()) for each in self._slices]
         placed, kept, refused = list[tuple[int, int, float]](), dict[int, float](), dict[int, None]()
@@ -153,7 +154,8 @@ class Population:
             for sort, count, share in asked[parent]:
                 rows = list(islice(free[sort], count))
                 has = kept.get(parent, 1.0)
-                placed += [(parent, row, has * share / count) for row in rows]
+                given = has if isnan(share) else has * share / count
+                placed += [(parent, row, given) for row in rows]
                 if not isnan(share):
                     kept[parent] = has * (1.0 - share * len(rows) / count)
                 if len(rows) < count:

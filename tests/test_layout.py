@@ -60,7 +60,7 @@ PIPELINES = {  # rooms within a room, and its modules: each imports only what st
         ),
         *("quiet", "single_robot", "packing", "snapshot", "recording", "kernel_warm_up"),
     ),
-    "bridges": ("address", "body", "hovering", "crazyflie", "mavlink", "ros2"),
+    "bridges": ("address", "body", "crazyflie", "mavlink", "ros2"),
     "nomad": ("wire", "client", "bridge", "server", "world", "panes", "command"),
 }
 GROUND = frozenset({"core"})  # everybody may import it

@@ -26,10 +26,11 @@ from cli.terminal import terminal
 from processes import live_in, running
 from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
 from sleepcast.bridges.body import ROUND
-from sleepcast.bridges.crazyflie.quadcopter import LANDS_AFTER, LOCK, LOGGED, CrazyflieBody, model_of
+from sleepcast.bridges.crazyflie.quadcopter import LANDS_AFTER, LOGGED, CrazyflieBody, model_of
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.robot import Limits, Setpoint
+from sleepcast.robot.hovering import LOCKED_MOTORS
 from sleepcast.testing.robot_contract import BridgeRig, HoverContract
 
 PATIENCE = 60.0
@@ -204,7 +205,7 @@ def test_on_the_ground_it_is_not_driven_and_says_so_once(copter: FakeCopter) -> 
     rig.body.act(Setpoint(speed=0.5))
     rig.wait(1.0)
     assert not copter.peer.said
-    assert rig.body.complaints() == ["the Crazyflie stands on the ground: send (TAKEOFF) before it is driven"]
+    assert rig.body.complaints() == ["it stands on the ground: send (TAKEOFF) before it is driven"]
 
 
 def test_it_goes_to_places_within_its_limits_and_waits_there(copter: FakeCopter) -> None:
@@ -325,7 +326,7 @@ def test_its_motors_can_be_cut_and_it_flies_no_more(copter: FakeCopter) -> None:
     rig.body.cut_motors()
     rig.wait(0.2)
     assert rig.sensed()["flying"] == 0.0
-    assert rig.body.complaints() == [LOCK]
+    assert rig.body.complaints() == [LOCKED_MOTORS]
     with pytest.raises(MisuseError, match="switch it off and on before it flies again"):
         rig.body.take_off()
     rig.wait(2.0)
@@ -343,7 +344,7 @@ def test_motors_that_were_cut_by_others_and_ones_that_never_turn_are_told(copter
     copter.peer.answers(b"\x91\3")  # as from the radio's broadcast
     rig.wait(0.2)
     assert rig.sensed()["flying"] == 0.0
-    assert rig.body.complaints() == [LOCK]
+    assert rig.body.complaints() == [LOCKED_MOTORS]
     copter.peer = Peer()
     copter.peer.answers = lambda packet: []  # type: ignore[method-assign]  # it lies on its back, and is not armed
     rig.wait(0.2)

@@ -19,15 +19,14 @@ from channel.test_udp import free_port
 from cli.calling import again_until
 from cli.test_swarm import account
 from processes import SLEEPCAST, live_in, running
-from sleepcast.bridges.body import FencedError
 from sleepcast.bridges.crazyflie.quadcopter import model_of as crazyflie
-from sleepcast.bridges.hovering import check_height, check_place
 from sleepcast.bridges.mavlink.model import COPTER
 from sleepcast.bridges.mavlink.model import model_of as mavlink
 from sleepcast.bridges.mavlink.vehicle import MavlinkVehicle
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.model import HostFunction
-from sleepcast.robot import Limits
+from sleepcast.robot import FencedError, Limits
+from sleepcast.robot.hovering import check_height, check_place
 
 LIMITS = Limits(2.0, 1.0, 1.0, climb=1.0, floor=0.5, ceiling=30.0)
 HERE = Path(__file__).parent

@@ -22,7 +22,7 @@ from channel.test_udp import free_port
 from cli.terminal import terminal
 from processes import live_in
 from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
-from sleepcast.bridges.body import ROUND, UNATTENDED, BridgedBody, FencedError
+from sleepcast.bridges.body import ROUND, UNATTENDED, BridgedBody
 from sleepcast.bridges.mavlink.link import MavlinkConnection
 from sleepcast.bridges.mavlink.model import COPTER, PLANE, ROVER
 from sleepcast.bridges.mavlink.plane import MavlinkPlane
@@ -34,7 +34,7 @@ from sleepcast.core.geodesy import Origin
 from sleepcast.loop import vocabulary_of
 from sleepcast.loop.real import act
 from sleepcast.node.node import Node
-from sleepcast.robot import Limits, Setpoint
+from sleepcast.robot import FencedError, Limits, Setpoint
 from sleepcast.testing.robot_contract import BridgeContract, BridgeRig, HoverContract
 
 VEHICLE = Path(__file__).with_name("mavlink_vehicle.py")

@@ -153,7 +153,7 @@ class RecordingWitness:
             self._painter.paint(groups.names, codes, body.colours)
         self._painter.picture(now)
 
-        self._recorder.poses(now, *simulator.poses)
+        self._recorder.poses(now, *simulator.poses, simulator.heights)
         for desk, command in sent_commands(self._swarm, self._station):
             if self._answers.get(command.id) != len(command.answers):
                 self._answers[command.id] = len(command.answers)

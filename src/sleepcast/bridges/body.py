@@ -39,7 +39,7 @@ from sleepcast.core.clock import Clock, WallClock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.model import RestState
 from sleepcast.core.records import dataclass
-from sleepcast.robot import Limits, Reading, RobotModel, Setpoint, rest_state_of
+from sleepcast.robot import FencedError, Limits, Reading, RobotModel, Setpoint, rest_state_of
 
 UNATTENDED = 1.0
 """Seconds without a look from the mind after which the body is brought to rest."""
@@ -71,10 +71,6 @@ class OutOfReachError(SleepcastError):
 
 class BusyError(SleepcastError):
     """The body has more to do than it can remember."""
-
-
-class FencedError(SleepcastError):
-    """A body that is kept within a fence is to believe that it is elsewhere."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -155,7 +155,8 @@ class HostFunction:
     labelled: whether its only argument is a text in quotes.
     call: `call(body, *arguments)` returns a float or None (which counts as 1).
     many: does the same for many bodies at once, `many(bodies, robots, *arguments)` with an array for each argument and
-        one of results (None: all 1); None if their bodies cannot. `bodies` are those of the whole fleet.
+        one of results (None: all 1), or a list of them in which an exception says why it failed; None if their bodies
+        cannot. `bodies` are those of the whole fleet.
     irreversible: whether it cannot be undone, so that a desk asks for how many robots it is meant.
     moves: whether it moves the robot's body, if it acts.
     unit: in which people read the value, where its dimension does not say that: "deg" for a direction.

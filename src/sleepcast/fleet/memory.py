@@ -348,6 +348,8 @@ class FleetMemory(FleetEvaluation):
             results = function.many(self._many, rows.robots, *columns)
             if results is None:
                 return np.broadcast_to(1.0, rows.size)
+            if isinstance(results, list):
+                return [failed(function, each) if isinstance(each, Exception) else each for each in results]
             finite = np.isfinite(results)
             values: Column = results if finite.all() else np.where(finite, results, nan)
             return values

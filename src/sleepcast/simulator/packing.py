@@ -72,9 +72,9 @@ def _simple(kind: type, data: object) -> object:
             return kind(**given)
         except TypeError as error:
             raise ValueError(str(error)) from None
-    names = getattr(kind, "_fields", ())
-    if names and isinstance(data, list) and len(data) == len(names):
-        return kind(*(_made(_hints(kind)[name], each) for name, each in zip(names, data, strict=True)))
+    names, usual = getattr(kind, "_fields", ()), getattr(kind, "_field_defaults", {})
+    if names and isinstance(data, list) and len(names) - len(usual) <= len(data) <= len(names):
+        return kind(*(_made(_hints(kind)[name], each) for name, each in zip(names, data, strict=False)))
     if kind is Path and isinstance(data, str):
         return Path(data)
     if kind is float and isinstance(data, int) and not isinstance(data, bool):

@@ -17,6 +17,7 @@ from sleepcast.robot import RobotModel
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Flags, Floats, Mode, Saying, Whole
 from sleepcast.simulator.bodies.body import TUMBLE, Body, BodySenses, model_of
 from sleepcast.simulator.bodies.payload import Payload
+from sleepcast.simulator.bodies.pilot import Results, pilot_of
 from sleepcast.simulator.bodies.population import Population, Turnover
 from sleepcast.simulator.bodies.proximity import Sonars
 from sleepcast.simulator.bodies.senses import Senses, functions_of
@@ -126,6 +127,15 @@ class Simulator:
             return columns
         x, y, heading = (np.where(self.population.present, column, np.nan) for column in columns)
         return x, y, heading
+
+    @property
+    def heights(self) -> Floats | None:
+        """z of the robots, m, for whoever draws them: 0 of those on the ground, NaN in rows without one; None where
+        none flies."""
+        if self.bodies.flight is None:
+            return None
+        z = np.nan_to_num(self.bodies.flight.z)
+        return z if self.population is None else np.where(self.population.present, z, np.nan)
 
     @property
     def sayings(self) -> list[Saying]:
@@ -327,11 +337,27 @@ class Robots(Sequence[Body]):
         bodies.mode[moving] = Mode.DRIVE
         bodies.wanted_speed[moving], bodies.wanted_turn[moving] = speed[free], turn_rate[free]
 
-    def go_to(self, robots: Whole, x: Floats, y: Floats) -> None:
-        bodies, free = self.bodies, ~self.bodies.stopped[robots]
-        moving = robots[free]
-        bodies.mode[moving] = Mode.GOTO
-        bodies.target_x[moving], bodies.target_y[moving] = bodies.aimed(x[free], y[free])
+    def go_to(self, robots: Whole, x: Floats, y: Floats, z: Floats | None = None) -> Results:
+        if self.bodies.flight is not None:
+            return pilot_of(self.bodies).go_to(robots, x, y, z)
+        free = ~self.bodies.stopped[robots]
+        self.bodies.go_to(robots[free], x[free], y[free])
+        return None
+
+    def arm(self, robots: Whole) -> Results:
+        return pilot_of(self.bodies).arm(robots)
+
+    def disarm(self, robots: Whole) -> Results:
+        return pilot_of(self.bodies).disarm(robots)
+
+    def take_off(self, robots: Whole, height: Floats | None = None) -> Results:
+        return pilot_of(self.bodies).take_off(robots, height)
+
+    def touch_down(self, robots: Whole) -> Results:
+        return pilot_of(self.bodies).touch_down(robots)
+
+    def climb(self, robots: Whole, speed: Floats) -> Results:
+        return pilot_of(self.bodies).climb(robots, speed)
 
     def wander(self, robots: Whole) -> None:
         self.bodies.mode[robots[~self.bodies.stopped[robots]]] = Mode.WANDER
@@ -340,6 +366,8 @@ class Robots(Sequence[Body]):
         at_rest = np.zeros(len(robots))
         self.drive(robots, at_rest, at_rest)
         self.bodies.swing[robots] = 0.0
+        if self.bodies.flight is not None:
+            self.bodies.flight.rest(robots[~self.bodies.stopped[robots]])
 
     def tumble(self, robots: Whole) -> Floats:
         bodies = self.bodies
@@ -407,6 +435,9 @@ def step(bodies: Bodies) -> None:
     )
     machine, types = bodies.machine, list(zip(bodies.parts, bodies.of_each_type, strict=True))
     proposal, free = machine.room(bodies.count)
+    if bodies.flight:
+        bodies.flight.step()
+        types = [(part, which) for part, which in types if part.scenario.robots.flight is None]
     for part, which in types:
         machine.propose(part.columns, part.laws, draws, proposal.of(which))
     settled = Settled(free, bodies.hit_x, bodies.hit_y)

@@ -20,7 +20,7 @@ from nomad.troubled import TROUBLES, troubled
 from packages import install
 from processes import start
 from sleepcast.bridges import BodyError, BusyError, Opening, OutOfReachError, open_robot
-from sleepcast.bridges.body import MAX_JOBS, FencedError
+from sleepcast.bridges.body import MAX_JOBS
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError
 from sleepcast.loop import vocabulary_of
@@ -29,7 +29,7 @@ from sleepcast.nomad.bridge.robot import SCOUT, NomadRobot
 from sleepcast.nomad.client.nomad import Nomad, RefusedError
 from sleepcast.nomad.wire.units import TENTH
 from sleepcast.nomad.world.nomad_world import NomadWorld
-from sleepcast.robot import Limits, Setpoint
+from sleepcast.robot import FencedError, Limits, Setpoint
 from sleepcast.testing.robot_contract import BridgeContract, BridgeRig, Rig, RobotContract
 
 

@@ -73,6 +73,15 @@ def test_poses_come_back() -> None:
     np.testing.assert_allclose(found, np.column_stack((100 * values, values**2, values)), rtol=1e-6, atol=1e-6)
 
 
+def test_heights_come_back_and_are_none_on_the_ground() -> None:
+    x, z = np.linspace(-3.0, 3.0, 50), np.linspace(0.0, 30.0, 50)
+    flown = foxglove.poses(10**18, foxglove.pose_frame(50), x, x, x, z)
+    np.testing.assert_allclose(foxglove.read_heights(flown, 50), z, rtol=1e-6)
+    np.testing.assert_array_equal(foxglove.read_poses(flown, 50)[:, 0], x.astype(np.float32))
+    rolled = foxglove.poses(10**18, foxglove.pose_frame(50), x, x, x)
+    assert not foxglove.read_heights(rolled, 50).any()
+
+
 @pytest.mark.parametrize("data", [b"", b"x" * 68, b"x" * 69])
 def test_bytes_that_are_no_poses_are_refused(data: bytes) -> None:
     with pytest.raises(ValueError, match="poses"):

@@ -124,7 +124,7 @@ class TestPoses:
             ("starts = []\n", "12: robots.starts: wanted a list of poses such as"),
             ("starts = [[1]]\n", "12: robots.starts.pose 1: wanted x, y, and perhaps heading and name"),
             ("starts = [[1, 2], 3]\n", "12: robots.starts.pose 2: wanted x, y, and perhaps heading and name"),
-            ("starts = [{ x = 1, y = 1, z = 1 }]\n", "12: robots.starts.pose 1.z: unknown key"),
+            ("starts = [{ x = 1, y = 1, z = 1 }]\n", "12: robots.starts.pose 1.z: these robots do not fly"),
             ("starts = [[1, 11]]\n", "12: robots.starts.pose 1.y: 11 m is outside the world, which goes"),
             ("starts = [[1, 1, 90]]\n", "12: robots.starts.pose 1.heading: wanted an angle from -360deg"),
             ('starts = [[1, 1, "E"]]\n', '12: robots.starts.pose 1.heading: wanted an angle such as "90deg", not "E"'),
@@ -147,7 +147,7 @@ class TestPoses:
         [
             ("", "1: no poses"),
             ("x,y\n", "1: no poses"),
-            ("x,z\n1,2\n", '1: "z" is no column: wanted x, y, and perhaps heading and name'),
+            ("x,w\n1,2\n", '1: "w" is no column: wanted x, y, and perhaps heading and name'),
             ("x,x,y\n1,2\n", '1: "x" is there twice'),
             ("x [miles],y\n1,2\n", '1: unknown unit in "x [miles]"'),
             ("90°,1,2\n", '1: "90°" is no column: wanted x, y, and perhaps heading and name. The first line names '),

@@ -22,14 +22,15 @@ from functools import partial
 from math import atan2, cos, hypot, isfinite, isnan, nan, pi, radians, remainder, sin
 from typing import Protocol
 
-from sleepcast.bridges import Opening, hovering
+from sleepcast.bridges import Opening
 from sleepcast.bridges.address import BodyError, read_body_address
 from sleepcast.bridges.body import FRESH, LAG, REST, BridgedBody, Motion, OutOfReachError, clamped
 from sleepcast.bridges.crazyflie.radio import RATES, is_radio_address, radio_uri, stop_all_by_port, stop_all_by_radio
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.model import HostFunction
-from sleepcast.robot import Geometry, Limits, Reading, RobotModel
+from sleepcast.robot import Geometry, Limits, Reading, RobotModel, hovering
+from sleepcast.robot.hovering import FLYING, GROUNDED, LANDING, LOCKED_MOTORS
 
 EXAMPLE = "crazyflie://radio0:80#E7E7E7E7E7"
 SETTINGS = {"rate": "2M", "height": "0.5", "ceiling": "3", "speed": "0.5", "turn_rate": "1.5", "broadcast": ""}
@@ -65,8 +66,6 @@ LOGGED = {
 ARMED, FLIES, LOCKED = 1 << 1, 1 << 4, 1 << 6
 """Bits of `supervisor.info`, as the firmware's supervisor.c has them: it is armed; it flies; its motors stand until it
 is started anew, after an emergency stop, a crash, or two seconds without a setpoint in the air."""
-GROUNDED = "the Crazyflie stands on the ground: send (TAKEOFF) before it is driven"
-LOCK = "its motors are locked, by an emergency stop, a crash or a lost link: switch it off and on before it flies again"
 STEERS_BY = 2.0 * LAG
 """Seconds of its way to a place that are left when it begins to brake: more than the limits want, so that none of them
 ever stops it on the way to a place that they allow."""
@@ -194,7 +193,7 @@ class CrazyflieBody(BridgedBody):
         if not self._height or self._has(FLIES):
             self._flown = self._time
         if self._has(LOCKED) and not was_locked:
-            self._come_down(LOCK)
+            self._come_down(LOCKED_MOTORS)
         elif self._time - self._flown > STARTS:
             self._come_down("its motors do not turn: it has not taken off, or has come down by itself")
 
@@ -278,7 +277,7 @@ class CrazyflieBody(BridgedBody):
 
     def disarm(self) -> None:
         if self._is_up():
-            raise MisuseError("it is in the air, where (DISARM) would make it fall: (LAND) first, or (MOTORS-OFF)")
+            raise MisuseError(f"{FLYING}, or (MOTORS-OFF)")
         self.send(self._disarm_on_ground)
 
     def _disarm_on_ground(self) -> None:
@@ -292,7 +291,7 @@ class CrazyflieBody(BridgedBody):
         wanted = self._usual if isnan(height) else height
         hovering.check_height(self.model.limits, wanted)
         if self._has(LOCKED):
-            raise MisuseError(LOCK)
+            raise MisuseError(LOCKED_MOTORS)
         self._ask_for(wanted)
 
     def touch_down(self) -> None:
@@ -306,7 +305,7 @@ class CrazyflieBody(BridgedBody):
         if not self._is_up():
             raise MisuseError(GROUNDED)
         if isnan(z) and not (self._wanted or self._asked):
-            raise MisuseError("it is landing: say at which height it is to go there")
+            raise MisuseError(LANDING)
         self.move(Motion("goto", (x, y)))
         with self._lock:
             if not (self._stopped or isnan(z)):
@@ -354,7 +353,7 @@ FUNCTIONS = (
 def model_of(limits: Limits) -> RobotModel:
     """What all Crazyflies with these limits have in common."""
     return RobotModel(
-        "crazyflie", hovering.sensors(limits), hovering.actuators(limits), FUNCTIONS, limits, Geometry(RADIUS)
+        "crazyflie", hovering.sensors(limits, FRESH), hovering.actuators(limits), FUNCTIONS, limits, Geometry(RADIUS)
     )
 
 

@@ -6,11 +6,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Protocol
 
-from sleepcast.bridges import hovering
 from sleepcast.bridges.body import FRESH
-from sleepcast.bridges.hovering import SELDOM, Hovering
 from sleepcast.core.model import HostFunction, Quantity
-from sleepcast.robot import BodyConstant, Geometry, Limits, RobotModel
+from sleepcast.robot import BodyConstant, Geometry, Limits, RobotModel, hovering
+from sleepcast.robot.hovering import SELDOM, Hovering
 
 GUIDED, LAND, TAKEOFF = "GUIDED", "LAND", "TAKEOFF"
 COPTER = {"STABILIZE": 0, "ALT_HOLD": 2, "AUTO": 3, GUIDED: 4, "LOITER": 5, "RTL": 6, LAND: 9, "BRAKE": 17}
@@ -68,7 +67,7 @@ def model_of(modes: dict[str, int], limits: Limits, body: type[Vehicle]) -> Robo
     name, measured, driven = ("rover", ON_GROUND, 2) if modes is ROVER else ("copter", IN_AIR, None)
     if modes is PLANE:  # follows places, and no speeds
         name, driven = "plane", 0
-    known = {quantity.name: quantity for quantity in (*hovering.sensors(limits), *OWN)}
+    known = {quantity.name: quantity for quantity in (*hovering.sensors(limits, FRESH), *OWN)}
     functions = functions_of(modes, body)
     called = {function.name for function in functions}
     return RobotModel(

@@ -23,7 +23,6 @@ from functools import partial
 from math import cos, hypot, inf, isfinite, isnan, nan, pi, remainder, sin
 from typing import Any
 
-from sleepcast.bridges import hovering
 from sleepcast.bridges.body import FRESH, REST, BridgedBody, Motion, OutOfReachError
 from sleepcast.bridges.mavlink.link import MavlinkConnection
 from sleepcast.bridges.mavlink.model import GUIDED, LAND, ROVER, model_of
@@ -47,7 +46,7 @@ from sleepcast.bridges.mavlink.orders import (
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, printable
 from sleepcast.core.geodesy import LocalMap, Origin
-from sleepcast.robot import Limits, Reading
+from sleepcast.robot import Limits, Reading, hovering
 
 USUAL = 5.0
 """m: the height of a take-off."""

@@ -11,6 +11,7 @@ from sleepcast.console.adapters.fields import still_picture
 from sleepcast.console.adapters.sight import RecordedSight
 from sleepcast.console.adapters.swarm import existing, kind_of, outlines, scene_of
 from sleepcast.console.failing import Failures, ShownFailing
+from sleepcast.console.frames import packed_poses
 from sleepcast.console.outgoing import ShownRule
 from sleepcast.console.timeline import RobotMarks, Timeline, Track, values_of
 from sleepcast.fleet.failing import MAX_FAILING
@@ -18,7 +19,7 @@ from sleepcast.loop import vocabulary_of
 from sleepcast.loop.rerun import Inputs
 from sleepcast.simulator import Simulator
 from sleepcast.simulator.packing import unpack
-from sleepcast.simulator.recording.foxglove import read_log, read_poses
+from sleepcast.simulator.recording.foxglove import read_heights, read_log, read_poses
 from sleepcast.simulator.recording.json_messages import AccountBody, FailuresBody, MarksBody, RulesBody
 from sleepcast.simulator.recording.recorder import (
     ACCOUNTING,
@@ -57,6 +58,7 @@ class TimelineBuilder:
         with alive(recording):
             simulator = Simulator(scenario, recording.seed)
         self._count, self._tick, self._bytes = len(simulator.names), scenario.tick, 0
+        self._flies = scenario.robots.flight is not None
         self._rows: dict[str, CommandRow] = {}
         picture = scenario.picture
         if picture is not None:  # only its name is recorded: it may lie beside the recording
@@ -90,7 +92,9 @@ class TimelineBuilder:
         if self._bytes > MAX_TIMELINE:
             raise ValueError(f"more than {MAX_TIMELINE} bytes do not fit into memory; record with fewer pictures")
         if entry.topic == POSES:
-            timeline.poses.add(time, (round(time / self._tick), read_poses(data, self._count).astype("<f4").tobytes()))
+            z = read_heights(data, self._count) if self._flies else None
+            x, y, heading = read_poses(data, self._count).T
+            timeline.poses.add(time, (round(time / self._tick), packed_poses(x, y, heading, z)))
         elif entry.topic == MARKS:
             marks = decoded(MarksBody, data)
             for each in (marks.groups, marks.flags, marks.second or marks.groups, marks.colours or marks.groups):

@@ -110,7 +110,7 @@ class SwarmAdapter:
     def poses(self) -> bytes:
         """Where robots are, as of `packed_poses`."""
         simulator = self._swarm.simulator
-        return packed_poses(*simulator.poses)
+        return packed_poses(*simulator.poses, simulator.heights)
 
     def obstacles(self) -> tuple[tuple[Outline, ...], ...] | None:
         """What is solid now, once that has changed."""

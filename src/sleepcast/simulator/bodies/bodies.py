@@ -26,6 +26,7 @@ from sleepcast.core.counter_rng import GOLDEN, key, mix, uniform
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.model import Quantity
 from sleepcast.core.records import NamedTuple
+from sleepcast.simulator.bodies.flight import Flight
 from sleepcast.simulator.bodies.line_of_sight import LineOfSight
 from sleepcast.simulator.bodies.population import Population, Turnover
 from sleepcast.simulator.bodies.proximity import Bumpers, Neighbours, SonarGroups, Sonars, StartError, least_cell, reach
@@ -122,12 +123,12 @@ class Bodies:
         self.scenario, self.seed, self.count = scenario, seed, robots.count
         self.of_each_type = slices(specs, self.count)
         """The slice of bodies of each robot type."""
-        self.radii: Floats = self._each([spec.geometry.radius for spec in specs])
-        self.slides = self._each([float(spec.slides) for spec in specs]) > 0.0
+        self.radii: Floats = self.by_type([spec.geometry.radius for spec in specs])
+        self.slides = self.by_type([float(spec.slides) for spec in specs]) > 0.0
         """Which bodies slide along what they touch."""
-        self.rolls = self._each([float(spec.wheels is not None) for spec in specs]) > 0.0
+        self.rolls = self.by_type([float(spec.wheels is not None) for spec in specs]) > 0.0
         """Which bodies go on wheels, whose speeds are `left` and `right`."""
-        self.brakes: Floats = self._each([spec.limits.acceleration for spec in specs])
+        self.brakes: Floats = self.by_type([spec.limits.acceleration for spec in specs])
         """How fast bodies change their speed, m/s2."""
         self.limits, self.geometry = robots.limits, robots.geometry
         self.fence = (0.0, 0.0, scenario.width, scenario.height)
@@ -166,6 +167,8 @@ class Bodies:
         self.target_x, self.target_y = np.zeros(self.count), np.zeros(self.count)
         self.swing, self.roaming = np.zeros(self.count), np.zeros(self.count)
         self.stopped, self.held = np.zeros(self.count, bool), np.zeros(self.count, bool)
+        self.flight = Flight(self) if robots.flight else None
+        """Those that fly; None where none does."""
         self.machine, self.laws = machine, laws_of(scenario)
         there = population.present if population else None
         self.sight = LineOfSight(scenario, self.world, machine, (self.x, self.y), self.radii, there)
@@ -196,6 +199,7 @@ class Bodies:
     def _columns(self) -> dict[str, NDArray[np.generic]]:
         """All arrays with a column for each robot that may be written, by name; some share their memory."""
         arrays = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        arrays |= self.flight.columns if self.flight else {}
         fixed = {"numbers", "chance", "radii", "slides", "rolls", "brakes"}
         return {name: each for name, each in arrays.items() if each.shape[-1:] == (self.count,) and name not in fixed}
 
@@ -228,11 +232,13 @@ class Bodies:
         self.mode[dead], self.stopped[dead], self.held[dead] = Mode.DRIVE, False, False
         for still in (self.wanted_speed, self.wanted_turn, self.swing):
             still[dead] = 0.0
+        if self.flight:
+            self.flight.rest(dead)
         for number in dead.tolist():
             self.settle(number)
         self.forget()
 
-    def _each(self, values: Sequence[float]) -> Floats:
+    def by_type(self, values: Sequence[float]) -> Floats:
         """One value for each body, by its type; read-only."""
         if len(values) == 1:
             return np.broadcast_to(values[0], self.count)
@@ -271,6 +277,11 @@ class Bodies:
             self.encoder_y[which] += seen_dy
         self.x[which] += dx
         self.y[which] += dy
+
+    def go_to(self, which: Whole, x: Floats, y: Floats) -> None:
+        """Send these bodies, none of which is stopped, to points x, y (m)."""
+        self.mode[which] = Mode.GOTO
+        self.target_x[which], self.target_y[which] = self.aimed(x, y)
 
     def aimed(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
         """The points x, y (m) of the world for any ones: around a torus, else the nearest ones."""
@@ -347,9 +358,10 @@ class Bodies:
 
     def exhausted(self) -> NDArray[np.bool_] | None:
         """Which bodies have used up something that they drive with; None where no body can."""
+        empty = self.flight.empty if self.flight else None
         if not any(use for part in self.parts for use in part.uses):
-            return None
-        exhausted = np.zeros(self.count, bool)
+            return empty
+        exhausted = np.zeros(self.count, bool) if empty is None else empty
         for part, which in zip(self.parts, self.of_each_type, strict=True):
             for row, use in zip(part.stores, part.uses, strict=True):
                 if use:
@@ -385,11 +397,15 @@ class Bodies:
         """Let a body be at rest at once, where it is."""
         for still in (self.speed, self.left, self.right, self.bumper, self.hit_x, self.hit_y):
             still[number] = 0.0
+        if self.flight:
+            self.flight.settle(np.array([number]))
 
     def rest_states(self, which: Whole) -> tuple[Floats, Floats]:
         """Speed of the fastest part of each of these bodies, m/s, and how far it goes until it is at rest if it brakes
         as fast as it may, m."""
         speed: Floats = np.abs(self.speed[which])
+        if self.flight:
+            speed = np.where(self.flight.flies[which], self.flight.speeds(which), speed)
         wheels = np.maximum(np.abs(self.left[which]), np.abs(self.right[which]))
         fastest: Floats = np.where(self.rolls[which], np.maximum(speed, wheels), speed)
         return fastest, speed * speed / (2.0 * self.brakes[which])
@@ -397,6 +413,8 @@ class Bodies:
     def act(self, actuator: str, which: Whole | slice, values: Floats) -> None:
         """Set one actuator of these bodies to `values`, leaving the other one's wanted value; see `Body.act`."""
         wanted = {"drive_speed": self.wanted_speed, "drive_turn": self.wanted_turn}
+        if self.flight:
+            wanted |= {"drive_side": self.flight.wanted_side, "drive_climb": self.flight.wanted_climb}
         if actuator not in wanted:
             raise MisuseError(f'no actuator "{actuator}"{did_you_mean(actuator, wanted)}: wanted {" or ".join(wanted)}')
         if isinstance(which, slice):
@@ -467,6 +485,8 @@ class Bodies:
         yield self.known
         yield from (self.wanted_speed, self.wanted_turn, self.target_x, self.target_y, self.swing, self.roaming)
         yield from (self.mode, self.stopped, self.held)
+        if self.flight:
+            yield from self.flight.columns.values()
         if self.scenario.robots.wheels:
             yield from (self.x, self.y, self.heading, self.left, self.right)
         if self.contact:
@@ -485,13 +505,14 @@ class Bodies:
         names += ["uncounted"] if self.uncounted.size else []
         names += ["hit_x", "hit_y"] if self.contact else []
         arrays: dict[str, NDArray[np.generic]] = {name: getattr(self, name) for name in names}
+        arrays |= self.flight.columns if self.flight else {}
         for number, ring in enumerate(self.rings):
             arrays |= {f"{name} of ring {number}": values for name, values in ring.arrays().items()}
         return arrays
 
     def _start(self) -> None:
         robots = self.scenario.robots
-        given = self._each([float(bool(spec.starts)) for spec in self.scenario.each_type]) > 0.0
+        given = self.by_type([float(bool(spec.starts)) for spec in self.scenario.each_type]) > 0.0
         try:
             self.x[:], self.y[:] = self._places(given)
             if self.contact:
@@ -510,6 +531,8 @@ class Bodies:
         self.encoder_x[:], self.encoder_y[:], self.encoder_heading[:] = self.x, self.y, self.heading
         for part in self.parts:
             part._start_alike()
+        if self.flight:
+            self.flight.start()
         first = 4 + len(robots.stores)
         for place in self.scenario.places:
             self.known[first], self.known[first + 1] = place.x, place.y

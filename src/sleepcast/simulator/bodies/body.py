@@ -16,8 +16,9 @@ import numpy as np
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import BodyColumn, HostFunction, Quantity, RestState, Writing
 from sleepcast.core.units import LENGTH, NONE, RATE, SPEED, Dimension
-from sleepcast.robot import Geometry, Reading, RobotModel, Setpoint
+from sleepcast.robot import Geometry, Reading, RobotModel, Setpoint, hovering
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Floats, Mode, Saying, Whole
+from sleepcast.simulator.bodies.pilot import Results, pilot_of
 from sleepcast.simulator.bodies.population import Population
 from sleepcast.simulator.scenario.population import comes_and_goes, sort_constants
 from sleepcast.simulator.scenario.robot_settings import TENTH, Ring
@@ -69,6 +70,9 @@ class Body:
         speed = self._bodies.wanted_speed[self.number] if isnan(wanted.speed) else wanted.speed
         turn = self._bodies.wanted_turn[self.number] if isnan(wanted.turn_rate) else wanted.turn_rate
         self.drive(speed, turn)
+        for actuator, value in (("drive_side", wanted.side), ("drive_climb", wanted.climb)):
+            if not isnan(value):
+                self._bodies.act(actuator, np.array([self.number]), np.array([value]))
 
     def stop(self) -> None:
         self.halt()
@@ -95,11 +99,33 @@ class Body:
             bodies.mode[i] = Mode.DRIVE
             bodies.wanted_speed[i], bodies.wanted_turn[i] = speed, turn_rate
 
-    def go_to(self, x: float, y: float) -> None:
-        bodies, i = self._bodies, self.number
-        if not bodies.stopped[i]:
-            bodies.mode[i] = Mode.GOTO
-            bodies.target_x[i : i + 1], bodies.target_y[i : i + 1] = bodies.aimed(np.array([x]), np.array([y]))
+    def go_to(self, x: float, y: float, z: float = nan) -> None:
+        if self._bodies.flight is None:
+            if not self.stopped:
+                self._bodies.go_to(np.array([self.number]), np.array([x]), np.array([y]))
+        else:
+            self._told(pilot_of(self._bodies).go_to, x, y, *(() if isnan(z) else (z,)))
+
+    def arm(self) -> None:
+        self._told(pilot_of(self._bodies).arm)
+
+    def disarm(self) -> None:
+        self._told(pilot_of(self._bodies).disarm)
+
+    def take_off(self, height: float = nan) -> None:
+        self._told(pilot_of(self._bodies).take_off, *(() if isnan(height) else (height,)))
+
+    def touch_down(self) -> None:
+        self._told(pilot_of(self._bodies).touch_down)
+
+    def climb(self, speed: float) -> None:
+        self._told(pilot_of(self._bodies).climb, speed)
+
+    def _told(self, command: Callable[..., Results], *numbers: float) -> None:
+        """Tell this body alone what many can be told. Raises what it refuses it with."""
+        results = command(np.array([self.number]), *(np.array([number]) for number in numbers))
+        if results is not None and isinstance(results[0], Exception):
+            raise results[0]
 
     def wander(self) -> None:
         if not self._bodies.stopped[self.number]:
@@ -108,6 +134,8 @@ class Body:
     def halt(self) -> None:
         self.drive(0.0, 0.0)
         self._bodies.swing[self.number] = 0.0
+        if self._bodies.flight is not None and not self.stopped:
+            self._bodies.flight.rest(np.array([self.number]))
 
     def tumble(self) -> float:
         """Turn by `TUMBLE` to the left (1) or right (-1), at random."""
@@ -220,6 +248,11 @@ FUNCTIONS = (
     ),
     HostFunction("TK", Body.say, arguments='"text"', labelled=True, doc="Says the text aloud.", moves=False),
 )
+FLIGHT_FUNCTIONS = tuple(
+    replace(each, many=_by(each.call.__name__), doc=each.doc.replace("its address", "its type"))
+    for each in hovering.functions(Body)
+)
+"""Where robots fly."""
 WHEEL_FUNCTIONS = (
     HostFunction(
         "VM",
@@ -280,6 +313,16 @@ SONAR_FUNCTIONS = (
 )
 
 
+def _moving(scenario: Scenario) -> tuple[HostFunction, ...]:
+    """The functions of bodies on the ground, where there are any, and of those that fly."""
+    if scenario.robots.flight is None:
+        return FUNCTIONS
+    flies = {each.name for each in FLIGHT_FUNCTIONS}
+    rolls = any(spec.flight is None for spec in scenario.each_type)
+    others = (each for each in FUNCTIONS if each.name not in flies and (rolls or not each.moves))
+    return (*FLIGHT_FUNCTIONS, *others)
+
+
 def _lacking(scenario: Scenario, functions: tuple[HostFunction, ...]) -> tuple[HostFunction, ...]:
     """With several robot types, functions that some types may lack are called robot by robot."""
     return tuple(replace(function, many=None) for function in functions) if scenario.sorts else functions
@@ -314,7 +357,7 @@ def _writes(scenario: Scenario) -> dict[str, tuple[Writing, ...]]:
     resting = (driving, Writing(speed, unless=stopped), Writing(turn, unless=stopped))
     return {
         "DRIVE": (driving, Writing(speed, 0, unless=stopped), Writing(turn, 1, unless=stopped)),
-        "GOTO": going if scenario.around == PLAIN else (),  # around a torus, points are divided by its size
+        "GOTO": going if scenario.around == PLAIN and scenario.robots.flight is None else (),  # a torus divides by size
         "WANDER": (Writing(mode, value=float(Mode.WANDER), unless=stopped),),
         "ST": (*resting, Writing(_column("swing", 8))),
     }
@@ -339,10 +382,11 @@ def model_of(
         actuators=(
             Quantity("drive_speed", "m/s", -speed, speed, doc="drives at this speed", shown_as=robots.speed_unit),
             Quantity("drive_turn", "rad/s", -turn, turn, doc="turns at this rate", shown_as="deg/s"),
+            *(hovering.actuators(robots.limits)[2:] if robots.flight else ()),
             *actuators,
         ),
         functions=(
-            *(replace(each, writes=writes.get(each.name, ())) for each in FUNCTIONS),
+            *(replace(each, writes=writes.get(each.name, ())) for each in _moving(scenario)),
             *_lacking(scenario, wheels if robots.wheels else ()),
             *_lacking(scenario, sonars if robots.geometry.sonars else ()),
             *(POPULATION_FUNCTIONS if comes_and_goes(scenario) else ()),

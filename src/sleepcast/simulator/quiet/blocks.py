@@ -124,7 +124,7 @@ _of_thread = _ThreadScratch()
 def covered(simulator: Simulator) -> bool:
     """Whether the ticks of a world can be made by compiled code alone, as long as nothing comes from outside."""
     scenario, bodies = simulator.scenario, simulator.bodies
-    if bodies.machine.name != "numba" or simulator.payload is not None or bodies.parts[1:]:
+    if bodies.machine.name != "numba" or simulator.payload is not None or bodies.parts[1:] or bodies.flight:
         return False
     if scenario.lights or scenario.pings or scenario.stocks or scenario.fields or scenario.noise or bodies.counts:
         return False

@@ -87,16 +87,19 @@ def poses(
     x: NDArray[np.float64],
     y: NDArray[np.float64],
     heading: NDArray[np.float64],
+    z: NDArray[np.float64] | None = None,
 ) -> bytes:
     """A `PosesInFrame`.
 
     x, y: m
+    z: m, None where nothing flies
     heading: rad, counter-clockwise from x; float64, shape (count,)
     frame: `pose_frame` of that count, overwritten
     """
     half = heading / 2.0
     # Single-precision values have a zero low half, which compresses well; the error is a millimetre at 10 km.
-    for name, values in (("x", x), ("y", y), ("c", np.sin(half)), ("w", np.cos(half))):
+    height = () if z is None else (("z", z),)
+    for name, values in (("x", x), ("y", y), *height, ("c", np.sin(half)), ("w", np.cos(half))):
         frame[name] = values.astype(np.float32)
     return timestamp(1, nanoseconds) + field(2, WORLD) + frame.tobytes()
 
@@ -104,14 +107,25 @@ def poses(
 def read_poses(data: bytes, count: int) -> NDArray[np.float32]:
     """Poses of `count` robots written by `poses`: x, y (m), heading (rad), float32, shape (count, 3). Raises
     ValueError."""
+    frame = _read_frame(data, count)
+    heading = 2.0 * np.arctan2(frame["c"], frame["w"])
+    return np.column_stack((frame["x"], frame["y"], heading)).astype(np.float32)
+
+
+def read_heights(data: bytes, count: int) -> NDArray[np.float64]:
+    """z of `count` robots written by `poses`, m, 0 where nothing flies, shape (count,). Raises ValueError."""
+    heights: NDArray[np.float64] = _read_frame(data, count)["z"].copy()
+    return heights
+
+
+def _read_frame(data: bytes, count: int) -> NDArray[np.void]:
     size = count * _POSE.itemsize
     if len(data) < size:
         raise ValueError(f"{len(data)} bytes hold no {count} poses")
     frame = np.frombuffer(data, _POSE, count, len(data) - size)
     if count and (frame["head"] != _POSE_HEAD).any():
         raise ValueError("these are no poses in the plane")
-    heading = 2.0 * np.arctan2(frame["c"], frame["w"])
-    return np.column_stack((frame["x"], frame["y"], heading)).astype(np.float32)
+    return frame
 
 
 _UNMOVED = field(1, b"") + field(2, tag(4, FIXED_64) + struct.pack("<d", 1.0))
@@ -126,11 +140,17 @@ _ELEMENTS = b"".join(
 )
 
 
-def points(nanoseconds: int, x: NDArray[np.float64], y: NDArray[np.float64], colours: NDArray[np.uint8]) -> bytes:
+def points(
+    nanoseconds: int,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    colours: NDArray[np.uint8],
+    z: NDArray[np.float64] | None = None,
+) -> bytes:
     """A `PointCloud`: one point per robot. x, y: m, float64, shape (count,). colours: red, green, blue and alpha of
-    each, 0 to 255, shape (count, 4)."""
+    each, 0 to 255, shape (count, 4). z: m, None where nothing flies."""
     data = np.zeros(len(x), _POINT)
-    data["x"], data["y"], data["colour"] = x, y, colours
+    data["x"], data["y"], data["colour"], data["z"] = x, y, colours, 0.0 if z is None else z
     head = timestamp(1, nanoseconds) + field(2, WORLD) + field(3, _UNMOVED) + fixed(4, _POINT.itemsize) + _ELEMENTS
     return head + field(6, data.tobytes())
 

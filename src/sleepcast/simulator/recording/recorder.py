@@ -227,11 +227,19 @@ class Recorder:
         self._saver = Thread(target=self._keep_saving, name="recording", daemon=True)
         self._saver.start()
 
-    def poses(self, time: float, x: NDArray[np.float64], y: NDArray[np.float64], heading: NDArray[np.float64]) -> None:
-        """Record the poses of all robots at `time` (s): m and rad in the world's frame, float64, shape (robots,)."""
+    def poses(
+        self,
+        time: float,
+        x: NDArray[np.float64],
+        y: NDArray[np.float64],
+        heading: NDArray[np.float64],
+        z: NDArray[np.float64] | None = None,
+    ) -> None:
+        """Record the poses of all robots at `time` (s): m and rad in the world's frame, float64, shape (robots,).
+        z: None where none flies."""
         stamp = round(time * NANO)
-        self._write(POSES, stamp, foxglove.poses(stamp, self._poses, x, y, heading))
-        self._write(POINTS, stamp, foxglove.points(stamp, x, y, self._colours))
+        self._write(POSES, stamp, foxglove.poses(stamp, self._poses, x, y, heading, z))
+        self._write(POINTS, stamp, foxglove.points(stamp, x, y, self._colours, z))
 
     def paint(self, colours: NDArray[np.uint8]) -> None:
         """The points have these colours from now on: red, green, blue and alpha from 0 to 255, shape (robots, 4)."""

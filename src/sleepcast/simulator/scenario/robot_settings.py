@@ -11,9 +11,10 @@ from sleepcast.core.records import dataclass
 from sleepcast.core.settings import Table, checked_name, shown_key
 from sleepcast.core.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME, UNITS, Dimension
 from sleepcast.robot import Geometry, Limits
+from sleepcast.simulator.scenario.flight import FlightSpec, read_flight
 from sleepcast.simulator.scenario.groups import RobotGroup
 from sleepcast.simulator.scenario.signals import LIGHT_NAMES, PING_NAMES
-from sleepcast.simulator.scenario.starts import Starts, read_starts
+from sleepcast.simulator.scenario.starts import STANDS, Starts, read_starts
 
 MAX_ROBOTS = 1_000_000
 """Bodies in one world: a tick of so many takes about real time on two cores. Minds have their own bound."""
@@ -161,6 +162,8 @@ class RobotSpec:
     starts: where each of them starts, empty if that is left to chance
     hatch: whether more of them may come during a run, and any of them go
     most: how many of them there may be at one time then, 0 for `USUAL_ROOM` times as many as at the start
+    flight: None for bodies on the ground
+    z: of the start, m, uniform as x and y
     """
 
     type: str
@@ -183,6 +186,8 @@ class RobotSpec:
     starts: Starts = ()
     hatch: bool = False
     most: int = 0
+    flight: FlightSpec | None = None
+    z: tuple[float, float] = (0.0, 0.0)
 
 
 def read_count(robots: Table, groups: tuple[RobotGroup, ...], rows: Sequence[Table] | None) -> int:
@@ -225,6 +230,11 @@ def read_robots(
         geometry, bumpers, slides = _body(table)
         ring = _ring(table) if table.has("sonar") else None
         hatch, most = _coming(table, count, groups)
+        flight, limits = read_flight(table, limits) if table.has("flight") else (None, limits)
+        highest = limits.ceiling if flight else 0.0
+        if table.has("z") and not flight:
+            raise table.error("z", STANDS)
+        z = table.span("z", LENGTH, (Measure(0.0), Measure(0.0)), low=0.0, high=highest)
         if ring and geometry.sonars:
             raise table.error("sonar", "a robot has either sonars of [robots.body] or those of [robots.sonar]")
         return RobotSpec(
@@ -235,7 +245,7 @@ def read_robots(
             limits=limits,
             geometry=Geometry(geometry.radius, ring.count, ring.most) if ring else geometry,
             wander=_wander(table, limits),
-            wanders=table.text("motion", "wander", choices=("wander", "still")) == "wander",
+            wanders=_wanders(table, flies=flight is not None),
             stores=_stores(table, taken),
             speed_unit=speed_unit,
             wheels=_wheels(table) if table.has("wheels") else None,
@@ -245,10 +255,18 @@ def read_robots(
             in_rows=table.text("numbers", "by chance", choices=("by chance", "along rows")) == "along rows",
             groups=groups,
             slides=slides,
-            starts=read_starts(table, rows, size),
+            starts=read_starts(table, rows, size, highest),
             hatch=hatch,
             most=most,
+            flight=flight,
+            z=(z[0].value, z[1].value),
         )
+
+
+def _wanders(robots: Table, *, flies: bool) -> bool:
+    """Whether they roam at the start; what flies stands or hovers."""
+    usual, choices = ("still", ("still",)) if flies else ("wander", ("wander", "still"))
+    return robots.text("motion", usual, choices=choices) == "wander"
 
 
 def _coming(robots: Table, count: int, groups: tuple[RobotGroup, ...]) -> tuple[bool, int]:

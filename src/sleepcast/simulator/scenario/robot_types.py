@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
+from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,7 @@ FORMAT = 1
 TYPES = Path(__file__).parent.parent / "types"
 MAX_TYPES = 8
 """Types of robots in one world: motion and sonar of each type are computed separately."""
-MADE = ("limits", "body", "wheels", "sonar", "stores", "wander")
+MADE = ("limits", "body", "wheels", "sonar", "stores", "wander", "flight")
 """What a type defines; the scenario defines how many robots there are, and where."""
 
 
@@ -102,13 +103,18 @@ def combined(tables: Sequence[Table], specs: Sequence[RobotSpec]) -> RobotSpec:
         ring=_ring(rings) if rings else None,
         bumpers=max(spec.bumpers for spec in specs),
         starts=(),
+        flight=next((spec.flight for spec in specs if spec.flight), None),
         groups=tuple(group for spec in specs for group in spec.groups or (RobotGroup(spec.type, spec.count, {}),)),
     )
 
 
 def _widest(limits: Sequence[Limits]) -> Limits:
+    flights = [each for each in limits if each.climb < inf]
     return replace(
         limits[0],
+        climb=max((each.climb for each in flights), default=inf),
+        floor=min((each.floor for each in flights), default=-inf),
+        ceiling=max((each.ceiling for each in flights), default=inf),
         speed=max(each.speed for each in limits),
         turn_rate=max(each.turn_rate for each in limits),
         acceleration=max(each.acceleration for each in limits),

@@ -24,6 +24,7 @@ from sleepcast.robot import BodyConstant
 from sleepcast.simulator.scenario.areas import read_areas
 from sleepcast.simulator.scenario.events import Event, read_events
 from sleepcast.simulator.scenario.fields import Field, field_sensors, read_fields
+from sleepcast.simulator.scenario.flight import NAMES as FLIGHT_NAMES
 from sleepcast.simulator.scenario.groups import filled, read_constants, read_groups, refuse_clashes
 from sleepcast.simulator.scenario.measures import MeasureSpec, read_measures
 from sleepcast.simulator.scenario.mission import Order, read_mission
@@ -266,6 +267,7 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> t
         lights = read_lights(root, size, [place.name for place in places])
         tick = root.number("tick", TIME, 0.1, low=0.001, high=60.0)
         taken = [*BODY_NAMES, *SIGNAL_NAMES, *(f"{place.name}_{axis}" for place in places for axis in "xy")]
+        taken += FLIGHT_NAMES if any(table.has("flight") for table in tables) else ()
         local_fields = read_fields(root, size, tick, taken, version)
         taken += [sensor.name for sensor in field_sensors(local_fields)]
         specs = tuple(read_robots(*each, size, taken) for each in zip(tables, counts(), groups, rows, strict=True))
@@ -277,6 +279,9 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> t
         operators = read_operators(root)
         refuse_robots(root, operators, names_of(specs, robots.count))
         refuse_equal_names(given_names(specs, robots.count), (row for some in rows for row in some or ()))
+        for table, spec in zip(tables, specs, strict=True):
+            if robots.flight and (spec.bumpers or spec.geometry.sonars):
+                raise table.error("body", "robots that fly, and those beside them, have no bumpers and no sonars")
         areas = read_areas(root, size)
         taken += [store.name for store in robots.stores]
         stocks = read_stocks(root, size, robots.stores, taken)

@@ -6,6 +6,7 @@ from math import inf, pi
 
 from sleepcast.core.model import Quantity
 from sleepcast.simulator.scenario.fields import field_sensors
+from sleepcast.simulator.scenario.flight import flight_sensors
 from sleepcast.simulator.scenario.groups import value_quantities
 from sleepcast.simulator.scenario.predation import predation_sensors
 from sleepcast.simulator.scenario.robot_settings import Ring
@@ -39,6 +40,7 @@ def sensors_of(scenario: Scenario) -> tuple[Quantity, ...]:
         ),
         *value_quantities(robots.groups),
         *((Quantity("bumper", "", 0.0, float(robots.bumpers), doc=BUMPER),) if robots.bumpers else ()),
+        *(flight_sensors(robots.limits) if robots.flight else ()),
         *signal_sensors(scenario.lights, scenario.pings, length),
         *stock_sensors(scenario.stocks, length),
         *field_sensors(scenario.fields),

@@ -1,7 +1,7 @@
 """Where robots start: poses in the scenario's file or in a CSV file beside it, or a formation.
 
-    starts = [["1m", "2m", "90deg"], ["3m", "2m", "90deg", "ada"]]      # x, y, heading, name
-    starts = "starts.csv"                                               # columns x, y, heading, name
+    starts = [["1m", "2m", "90deg"], ["3m", "2m", "90deg", "ada"]]      # x, y, heading, name, z
+    starts = "starts.csv"                                               # columns x, y, heading, name, z
     starts = { shape = "circle", spacing = "1m", center = ["5m", "5m"] }
 
 Robots take the poses in the order of their numbers. A pose without a heading gets one by chance, as robots without
@@ -34,25 +34,28 @@ MAX_CSV = 8 * 1_048_576
 SLACK = 1e-9
 """Distance, m, by which rounding may push a formation beyond a world that it just fits into."""
 TURN = 2.0 * pi
-COLUMNS = ("x", "y", "heading", "name")
+COLUMNS = ("x", "y", "heading", "name", "z")
 """What a pose consists of, in the order of a list."""
 _SAME = {"robot": "name"}
 """What tables of sleepcast call a column, and what it is called here."""
 SHAPES = ("line", "circle", "grid")
 DEGREES = "°"
 """How tables write what is `deg` here."""
+STANDS = "these robots do not fly, so they start on the ground: leave this out"
 OUTWARD, INWARD = "outward", "inward"
 
 Floats = NDArray[np.float64]
 
 
 class StartPose(NamedTuple):
-    """A start: x, y in m; heading in rad, None for one by chance; name of the robot, "" for its number."""
+    """A start: x, y in m; heading in rad, None for one by chance; name of the robot, "" for its number; z in m, of what
+    flies."""
 
     x: float
     y: float
     heading: float | None = None
     name: str = ""
+    z: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,9 +174,9 @@ def _line(file: Path, line: int, values: Sequence[str], units: dict[str, str]) -
     return Table(Document(file, row, dict.fromkeys(((name,) for name in COLUMNS), line)), row, ())
 
 
-def read_starts(robots: Table, rows: Sequence[Table] | None, size: tuple[float, float]) -> Starts:
-    """The starts of a table of robots, whose poses are `rows`; empty without any. size: of the world, m. Raises
-    SettingsError."""
+def read_starts(robots: Table, rows: Sequence[Table] | None, size: tuple[float, float], highest: float = 0.0) -> Starts:
+    """The starts of a table of robots, whose poses are `rows`; empty without any. size: of the world, m. highest: z at
+    which any may start, m. Raises SettingsError."""
     if not robots.has("starts"):
         return ()
     for key in ("x", "y", "disc", "numbers"):
@@ -181,17 +184,19 @@ def read_starts(robots: Table, rows: Sequence[Table] | None, size: tuple[float, 
             raise robots.error(key, f"the robots have starts, which say where they begin: leave {key} out, or starts")
     if rows is None:
         return _formation(robots, size)
-    return tuple(_pose(row, size) for row in rows)
+    return tuple(_pose(row, size, highest) for row in rows)
 
 
-def _pose(row: Table, size: tuple[float, float]) -> StartPose:
+def _pose(row: Table, size: tuple[float, float], highest: float) -> StartPose:
     with row:
         x, y = (_inside(row, key, side) for key, side in zip("xy", size, strict=True))
         heading = _angle(row) if row.has("heading") else None
         name = row.text("name", "")
         if row.has("name") and not is_robot_name(name):
             raise row.error("name", f"{name!r:.80}: wanted 1 to {MAX_NAME} characters without blanks")
-        return StartPose(x, y, heading, name)
+        if row.has("z") and not highest:
+            raise row.error("z", STANDS)
+        return StartPose(x, y, heading, name, row.number("z", LENGTH, 0.0, low=0.0, high=highest))
 
 
 def _inside(row: Table, key: str, side: float) -> float:
@@ -269,6 +274,11 @@ def start_columns(starts: Starts, count: int) -> tuple[Floats, Floats, Floats]:
     rows = [(pose.x, pose.y, nan if pose.heading is None else pose.heading) for pose in starts[:count]]
     x, y, heading = np.array(rows, np.float64).reshape(-1, 3).T
     return x, y, heading
+
+
+def start_heights(starts: tuple[StartPose, ...], count: int) -> Floats:
+    """z of so many robots, m, shape (count,)."""
+    return np.array([pose.z for pose in starts[:count]], np.float64)
 
 
 def _columns_of(formation: Formation, count: int) -> tuple[Floats, Floats, Floats]:

@@ -16,6 +16,7 @@ from collections.abc import Callable, Sequence, Set
 from math import cos, inf, isnan, nan, pi, remainder, sqrt
 from typing import Protocol, runtime_checkable
 
+from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import HostFunction, NamedArea, Quantity, RestState
 from sleepcast.core.records import NamedTuple, dataclass
 
@@ -27,6 +28,10 @@ ROUNDED = 1e-9
 """m by which sums may be wrong."""
 AHEAD = pi / 4.0
 """rad to both sides of its way in which something is in the way of a body."""
+
+
+class FencedError(SleepcastError):
+    """A body that is kept within a fence is to go, or to believe that it is, elsewhere."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,11 +9,10 @@ from __future__ import annotations
 from math import hypot, inf, isnan, nan, pi
 from typing import Protocol
 
-from sleepcast.bridges.body import FRESH, FencedError
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.model import HostFunction, Quantity
 from sleepcast.core.units import LENGTH, SPEED
-from sleepcast.robot import Limits
+from sleepcast.robot import FencedError, Limits
 
 FARTHEST = 1e5
 """m from the origin: farther away, nothing is meant to be."""
@@ -23,6 +22,12 @@ FASTEST_CLIMB = 100.0
 """m/s that are measured, up or down."""
 SELDOM = 5.0
 """Seconds after which the charge of a battery counts as unknown: it is told once a second."""
+GROUNDED = "it stands on the ground: send (TAKEOFF) before it is driven"
+LANDING = "it is landing: say at which height it is to go there"
+FLYING = "it is in the air, where (DISARM) would make it fall: (LAND) first"
+LOCKED_MOTORS = (
+    "its motors are locked, by an emergency stop, a crash or a lost link: switch it off and on before it flies again"
+)
 
 
 class Hovering(Protocol):
@@ -48,20 +53,20 @@ class Hovering(Protocol):
         """Climb at this speed, m/s, or sink, on the spot."""
 
 
-def sensors(limits: Limits) -> tuple[Quantity, ...]:
-    """What all that hover measure."""
+def sensors(limits: Limits, fresh: float) -> tuple[Quantity, ...]:
+    """What all that hover measure. fresh: seconds after which it counts as unknown; of the battery, `SELDOM`."""
     speed, turn = OTHERS_MOVE_IT * limits.speed, OTHERS_MOVE_IT * limits.turn_rate
     return (
-        Quantity("x", "m", -FARTHEST, FARTHEST, FRESH, "to the east of the origin"),
-        Quantity("y", "m", -FARTHEST, FARTHEST, FRESH, "to the north of the origin"),
-        Quantity("z", "m", -FARTHEST, FARTHEST, FRESH, "above the origin"),
-        Quantity("heading", "rad", -pi, pi, FRESH, "counter-clockwise from east", "deg"),
-        Quantity("speed", "m/s", -speed, speed, FRESH, "along its heading"),
-        Quantity("turn_rate", "rad/s", -turn, turn, FRESH, "counter-clockwise", "deg/s"),
-        Quantity("height", "m", -FARTHEST, FARTHEST, FRESH, "above where it started"),
-        Quantity("climb_rate", "m/s", -FASTEST_CLIMB, FASTEST_CLIMB, FRESH, "upwards"),
-        Quantity("armed", "", 0.0, 1.0, FRESH, "whether its motors may turn"),
-        Quantity("flying", "", 0.0, 1.0, FRESH, "whether it is in the air"),
+        Quantity("x", "m", -FARTHEST, FARTHEST, fresh, "to the east of the origin"),
+        Quantity("y", "m", -FARTHEST, FARTHEST, fresh, "to the north of the origin"),
+        Quantity("z", "m", -FARTHEST, FARTHEST, fresh, "above the origin"),
+        Quantity("heading", "rad", -pi, pi, fresh, "counter-clockwise from east", "deg"),
+        Quantity("speed", "m/s", -speed, speed, fresh, "along its heading"),
+        Quantity("turn_rate", "rad/s", -turn, turn, fresh, "counter-clockwise", "deg/s"),
+        Quantity("height", "m", -FARTHEST, FARTHEST, fresh, "above where it started"),
+        Quantity("climb_rate", "m/s", -FASTEST_CLIMB, FASTEST_CLIMB, fresh, "upwards"),
+        Quantity("armed", "", 0.0, 1.0, fresh, "whether its motors may turn"),
+        Quantity("flying", "", 0.0, 1.0, fresh, "whether it is in the air"),
         Quantity("battery", "", 0.0, 1.0, SELDOM, "1 is full", "%"),
     )
 

@@ -1,0 +1,261 @@
+"""Bodies that hover: their columns, and a tick of their motion.
+
+Across the ground a body is driven or on its way to a place, as its `Mode` says; upwards it is driven, or on its way to
+a height (`target_z`): so what rises may be driven meanwhile. Its motors turn while it is armed. With them off it
+stands, or falls; what has crashed is locked and stays where it fell. `pilot` says what they can be told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from math import nan
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.core.model import Quantity
+from sleepcast.robot import Limits
+from sleepcast.simulator.motion import flying
+from sleepcast.simulator.motion.driving import DRIVE, GOTO, bounded
+from sleepcast.simulator.motion.flying import GRAVITY, FlightLaws
+from sleepcast.simulator.scenario.flight import BATTERY, SENSORS
+from sleepcast.simulator.scenario.robot_settings import RobotSpec
+from sleepcast.simulator.scenario.scenario import Scenario
+from sleepcast.simulator.scenario.starts import Formation, start_heights
+from sleepcast.simulator.simd.formulas import rotated, shortest, sine_cosine, wrap
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Whole = NDArray[np.intp]
+GROUND = 0.0
+"""m: where the ground lies."""
+LANDS = -np.inf
+"""The height of a body that lands."""
+
+
+class Grounded(Protocol):
+    """The bodies of a world, or of one type, as far as their flight concerns them; see `bodies.Bodies`."""
+
+    count: int
+    scenario: Scenario
+    fence: tuple[float, float, float, float]
+    sensors: tuple[Quantity, ...]
+    known: Floats
+    stores: Floats
+    store_names: tuple[str, ...]
+    uses: Floats
+    x: Floats
+    y: Floats
+    heading: Floats
+    speed: Floats
+    mode: NDArray[np.int8]
+    held: Flags
+    wanted_speed: Floats
+    wanted_turn: Floats
+    target_x: Floats
+    target_y: Floats
+    of_each_type: list[slice]
+
+    @property
+    def parts(self) -> Sequence[Grounded]: ...
+
+    def by_type(self, values: Sequence[float], /) -> Floats: ...
+
+    def drawn(self, purpose: str, /) -> Floats: ...
+
+    def exhausted(self) -> Flags | None: ...
+
+
+class Flight:
+    """The flying bodies among all; arrays of shape (count,), of which those of bodies on the ground mean nothing.
+
+    z: above the origin, m; nan of bodies on the ground, as all that they sense
+    turn_rate, height, climb_rate, armed, flying: as `hovering.sensors` say
+    velocity_x, velocity_y: over the ground, m/s
+    wanted_side, wanted_climb: of the actuators, m/s, beside the wanted speed and turn rate of `Bodies`
+    target_z: where it is to come to, m; nan for nowhere, `LANDS` for the ground
+    locked: whether its motors stay off
+    """
+
+    def __init__(self, bodies: Grounded) -> None:
+        self._bodies, count = bodies, bodies.count
+        names = [sensor.name for sensor in bodies.sensors]
+        rows = {name: bodies.known[names.index(name)] for name in SENSORS}
+        self.z, self.turn_rate, self.height = rows["z"], rows["turn_rate"], rows["height"]
+        self.climb_rate, self.armed, self.flying = rows["climb_rate"], rows["armed"], rows["flying"]
+        self.velocity_x, self.velocity_y = np.zeros(count), np.zeros(count)
+        self.wanted_side, self.wanted_climb = np.zeros(count), np.zeros(count)
+        self.target_z = np.full(count, nan)
+        self.locked = np.zeros(count, bool)
+        specs = bodies.scenario.each_type
+        self.flies: Flags = bodies.by_type([float(spec.flight is not None) for spec in specs]) > 0.0
+        self._rows = slice(None) if self.flies.all() else np.flatnonzero(self.flies)
+        flights = [(spec.limits, spec.flight) for spec in specs]
+        self._laws = self._laws_of([spec.limits for spec in specs], [each.sink if each else 1.0 for _, each in flights])
+        self._usual: Floats = bodies.by_type([each.height if each else nan for _, each in flights])
+        """m above the ground to which a take-off leads that does not say it."""
+        charged = BATTERY in bodies.store_names
+        self._charge = bodies.stores[bodies.store_names.index(BATTERY)] if charged else None
+        full = bodies.scenario.robots.stores[bodies.store_names.index(BATTERY)].full if charged else 0.0
+        self._per_second: Floats = bodies.by_type([full / each.hovers if each else 0.0 for _, each in flights])
+        self._per_climb: Floats = bodies.by_type([full / each.climbs if each else 0.0 for _, each in flights])
+
+    def _laws_of(self, limits: Sequence[Limits], sink: Sequence[float]) -> FlightLaws:
+        bodies = self._bodies
+        names = ("speed", "turn_rate", "acceleration", "climb", "floor", "ceiling")
+        columns = {name: bodies.by_type([getattr(each, name) for each in limits])[self._rows] for name in names}
+        columns["sink"] = bodies.by_type(sink)[self._rows]
+        edges = (-np.inf, -np.inf, np.inf, np.inf) if bodies.scenario.torus else bodies.fence
+        return FlightLaws(**columns, edges=edges, tick=bodies.scenario.tick)
+
+    @property
+    def columns(self) -> dict[str, NDArray[np.generic]]:
+        """The arrays that a run changes, by name, besides what bodies sense."""
+        names = ("velocity_x", "velocity_y", "wanted_side", "wanted_climb", "target_z", "locked")
+        return {name: getattr(self, name) for name in names}
+
+    def start(self) -> None:
+        """Stand where the scenario says; who starts in the air hovers there."""
+        for spec, part, which in self._each_type():
+            if spec.flight is not None:
+                drawn = spec.z[0] + (spec.z[1] - spec.z[0]) * part.drawn("z")
+                listed = () if isinstance(spec.starts, Formation) else spec.starts
+                self.z[which] = start_heights(listed, part.count) if listed else drawn
+        rows = self._rows
+        up = self.z[rows] > GROUND
+        self.armed[rows] = self.flying[rows] = up
+        self.height[rows] = self.z[rows] - GROUND
+        self.climb_rate[rows] = self.turn_rate[rows] = 0.0
+
+    # ---- a tick
+
+    def step(self) -> None:
+        """Move all that fly through a tick, and let it use up their batteries."""
+        bodies, rows, laws = self._bodies, self._rows, self._laws
+        self._come_down_empty()
+        self.target_z[rows] = np.where(self.wanted_climb[rows] != 0.0, nan, self.target_z[rows])
+        up = ((self.z[rows] > GROUND) | (self.target_z[rows] > GROUND)) & (self.armed[rows] > 0.0)
+        falls = (self.z[rows] > GROUND) & (self.armed[rows] == 0.0)
+        moves = up & ~bodies.held[rows]
+        turn = self._turn(moves)
+        heading = wrap(bodies.heading[rows] + turn)
+        east, north = self._go(moves, up, heading)
+        rate = self._rise(moves, up, falls)
+        way_x, way_y, way_z = east * laws.tick, north * laws.tick, rate * laws.tick
+        way_z = np.where(falls, (self.climb_rate[rows] + rate) / 2.0 * laws.tick, way_z)
+        left, bottom, right, top = laws.edges
+        x, y = bounded(bodies.x[rows] + way_x, left, right), bounded(bodies.y[rows] + way_y, bottom, top)
+        bodies.x[rows], bodies.y[rows], bodies.heading[rows] = x, y, heading
+        self.z[rows] += way_z
+        self.velocity_x[rows], self.velocity_y[rows], self.climb_rate[rows] = east, north, rate
+        self._touch_ground(up | falls)
+        self._measure(turn / laws.tick)
+        self._use(up, np.sqrt(way_x * way_x + way_y * way_y), way_z)
+
+    def _turn(self, moves: Flags) -> Floats:
+        """rad by which each body turns."""
+        rows, laws = self._rows, self._laws
+        turns = moves & (self._bodies.mode[rows] != GOTO) & (self.target_z[rows] != LANDS)
+        rate = bounded(self._bodies.wanted_turn[rows], -laws.turn_rate, laws.turn_rate)
+        return np.where(turns, rate * laws.tick, 0.0)
+
+    def _go(self, moves: Flags, up: Flags, heading: Floats) -> tuple[Floats, Floats]:
+        """The velocity of each body over the ground."""
+        bodies, rows, laws = self._bodies, self._rows, self._laws
+        around_x, around_y = bodies.scenario.around
+        east, north = flying.driven(laws, heading, bodies.wanted_speed[rows], self.wanted_side[rows])
+        goes = bodies.mode[rows] == GOTO
+        if goes.any():
+            dx = shortest(bodies.target_x[rows] - bodies.x[rows], around_x)
+            dy = shortest(bodies.target_y[rows] - bodies.y[rows], around_y)
+            to_east, to_north = flying.homed(laws, dx, dy)
+            east, north = np.where(goes, to_east, east), np.where(goes, to_north, north)
+        east, north = flying.within_edges(laws, bodies.x[rows], bodies.y[rows], east, north)
+        moves = moves & (self.target_z[rows] != LANDS)
+        wanted = np.where(moves, east, 0.0), np.where(moves, north, 0.0)
+        east, north = flying.steered(laws, (self.velocity_x[rows], self.velocity_y[rows]), wanted)
+        return np.where(up, east, 0.0), np.where(up, north, 0.0)
+
+    def _rise(self, moves: Flags, up: Flags, falls: Flags) -> Floats:
+        """The climb rate of each body."""
+        rows, laws, target = self._rows, self._laws, self.target_z[self._rows]
+        wanted = flying.climbed(laws, self.height[rows], self.wanted_climb[rows])
+        there = np.isfinite(target)
+        wanted = np.where(there, flying.raised(laws, np.where(there, target, 0.0) - self.z[rows]), wanted)
+        wanted = np.where(target == LANDS, -laws.sink, wanted)
+        rate = flying.lifted(laws, self.climb_rate[rows], np.where(moves, wanted, 0.0))
+        return np.where(up, rate, np.where(falls, self.climb_rate[rows] - GRAVITY * laws.tick, 0.0))
+
+    def _come_down_empty(self) -> None:
+        """Let those land that have used up what they fly with."""
+        exhausted = self._bodies.exhausted()
+        if exhausted is not None and exhausted.any():
+            self.rest(np.flatnonzero(exhausted & self.flies), LANDS)
+
+    def _touch_ground(self, moved: Flags) -> None:
+        """Let those stand that have come down; their motors stop."""
+        some = moved & (self.z[self._rows] <= GROUND)
+        if not some.any():
+            return
+        which = np.flatnonzero(some) if isinstance(self._rows, slice) else self._rows[some]
+        self.z[which] = GROUND
+        self.armed[which] = 0.0
+        self.settle(which)
+        self.rest(which)
+
+    def _measure(self, turn_rate: Floats) -> None:
+        bodies, rows = self._bodies, self._rows
+        ahead, _ = rotated(self.velocity_x[rows], self.velocity_y[rows], *sine_cosine(-bodies.heading[rows]))
+        bodies.speed[rows], self.turn_rate[rows] = ahead, turn_rate
+        self.height[rows] = self.z[rows] - GROUND
+        self.flying[rows] = (self.height[rows] > 0.0) & (self.armed[rows] > 0.0)
+
+    def _use(self, up: Flags, way: Floats, climb: Floats) -> None:
+        """Let stores lose what the motion takes of them."""
+        rows = self._rows
+        all_ways = np.zeros(self._bodies.count)
+        all_ways[rows] = way
+        for spec, part, which in self._each_type():
+            for row, use in zip(part.stores, part.uses, strict=True):
+                if use and spec.flight is not None:
+                    row[:] = np.maximum(row - all_ways[which] * use, 0.0)
+        if self._charge is not None:
+            used = self._per_second[rows] * self._laws.tick + self._per_climb[rows] * np.maximum(climb, 0.0)
+            self._charge[rows] = np.maximum(self._charge[rows] - np.where(up, used, 0.0), 0.0)
+
+    @property
+    def empty(self) -> Flags | None:
+        """Which bodies have used up their batteries; None where none can."""
+        if self._charge is None or not (self._per_second.any() or self._per_climb.any()):
+            return None
+        empty: Flags = self.flies & (self._charge <= 0.0)
+        return empty
+
+    def usual_height(self, which: Whole) -> Floats:
+        """m above the ground to which a take-off of these leads that does not say it."""
+        return self._usual[which]
+
+    def rest(self, which: Whole, target: float = nan) -> None:
+        """End what moves these bodies, but for the height to which they go, m; nan for none, `LANDS` for the ground."""
+        bodies = self._bodies
+        bodies.mode[which] = DRIVE
+        for wanted in (bodies.wanted_speed, bodies.wanted_turn, self.wanted_side, self.wanted_climb):
+            wanted[which] = 0.0
+        self.target_z[which] = target
+
+    def settle(self, which: Whole) -> None:
+        """Let bodies be at rest at once, where they are."""
+        self.velocity_x[which] = self.velocity_y[which] = 0.0
+        self.climb_rate[which] = np.where(self.flies[which], 0.0, nan)
+
+    def speeds(self, which: Whole) -> Floats:
+        """How fast these bodies are, in whatever direction, m/s; 0 for those on the ground."""
+        east, north, up = self.velocity_x[which], self.velocity_y[which], np.nan_to_num(self.climb_rate[which])
+        speeds: Floats = np.sqrt(east * east + north * north + up * up)
+        return speeds
+
+    def _each_type(self) -> Iterator[tuple[RobotSpec, Grounded, slice]]:
+        """Each type, its bodies, and which of all they are."""
+        bodies = self._bodies
+        return zip(bodies.scenario.each_type, bodies.parts, bodies.of_each_type, strict=True)

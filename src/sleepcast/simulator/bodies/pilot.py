@@ -1,0 +1,179 @@
+"""What bodies that hover can be told, for many of them at once: the commands of `robot.hovering`, with its sentences.
+
+A body that is stopped does nothing, and nothing is wrong with that; one that refuses says why.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from math import nan
+from typing import NamedTuple
+
+import numpy as np
+
+from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.robot import Limits, hovering
+from sleepcast.simulator.bodies.bodies import Bodies, Flags, Floats, Whole
+from sleepcast.simulator.bodies.flight import GROUND, LANDS, Flight
+
+STAYS = "this robot does not fly"
+STOPPED = "it is stopped: RELEASE it first"
+EMPTY = "its battery is empty: it does not take off"
+
+Results = list[float | SleepcastError] | None
+"""What came of a command on each of some bodies: 1, or why it failed; None where it failed on none."""
+
+
+class Pilot(NamedTuple):
+    """Tells the bodies of a world what to do, by their indices; see `hovering.Hovering`."""
+
+    bodies: Bodies
+    flight: Flight
+
+    def arm(self, robots: Whole) -> Results:
+        told = self._told(robots)
+        told.refuse(self.bodies.stopped[robots], STOPPED)
+        told.refuse(self.flight.locked[robots], hovering.LOCKED_MOTORS)
+        self.flight.armed[told.free] = 1.0
+        return told.results
+
+    def disarm(self, robots: Whole) -> Results:
+        told = self._told(robots)
+        told.refuse(~self._is_grounded(robots), hovering.FLYING)
+        self.flight.armed[told.free] = 0.0
+        return told.results
+
+    def take_off(self, robots: Whole, height: Floats | None = None) -> Results:
+        flight, told = self.flight, self._told(robots)
+        heights = flight.usual_height(robots) if height is None else height
+        self._refuse_heights(told, heights)
+        told.refuse(flight.locked[robots], hovering.LOCKED_MOTORS)
+        if flight.empty is not None:
+            told.refuse(flight.empty[robots], EMPTY)
+        flight.rest(told.free)
+        flight.armed[told.free] = 1.0
+        flight.target_z[told.free] = heights[told.obeys] + GROUND
+        return told.results
+
+    def touch_down(self, robots: Whole) -> Results:
+        told = self._told(robots)
+        self.land(told.free)
+        return told.results
+
+    def climb(self, robots: Whole, speed: Floats) -> Results:
+        told = self._told(robots)
+        told.refuse(self._is_grounded(robots), hovering.GROUNDED)
+        self.flight.rest(told.free)
+        self.flight.wanted_climb[told.free] = speed[told.obeys]
+        return told.results
+
+    def go_to(self, robots: Whole, x: Floats, y: Floats, z: Floats | None = None) -> Results:
+        """Bodies on the ground go there, too, and have no height."""
+        bodies, flight = self.bodies, self.flight
+        rolls = ~flight.flies[robots]
+        bodies.go_to(robots[rolls], x[rolls], y[rolls])
+        told = self._told(robots, flies=~rolls)
+        self._refuse_places(told, x, y)
+        if z is None:
+            told.refuse(flight.target_z[robots] == LANDS, hovering.LANDING)
+        else:
+            self._refuse_heights(told, z)
+        told.refuse(self._is_grounded(robots), hovering.GROUNDED)
+        height = flight.target_z[told.free] if z is None else z[told.obeys]
+        flight.rest(told.free)
+        bodies.go_to(told.free, x[told.obeys], y[told.obeys])
+        flight.target_z[told.free] = height
+        return told.results
+
+    def land(self, which: Whole) -> None:
+        """Bring these bodies down where they are."""
+        up = self.flight.z[which] > GROUND
+        self.flight.rest(which)
+        self.flight.target_z[which] = np.where(up, LANDS, nan)
+
+    def _told(self, robots: Whole, *, flies: Flags | None = None) -> _Told:
+        """A command to these. flies: which of them it concerns; None if those on the ground refuse it."""
+        told = _Told(robots, ~self.bodies.stopped[robots], np.ones(len(robots), bool) if flies is None else flies)
+        told.refuse(~self.flight.flies[robots], STAYS)
+        return told
+
+    def _is_grounded(self, robots: Whole) -> Flags:
+        """Which of them stand on the ground, and are not about to leave it."""
+        up: Flags = (self.flight.z[robots] > GROUND) | (self.flight.target_z[robots] > GROUND)
+        return ~up
+
+    def _refuse_heights(self, told: _Told, heights: Floats) -> None:
+        """Refuse heights, m, beyond the floor and the ceiling of each body."""
+        for limits, of_type in self._limits_of(told.robots):
+            wrong = of_type & ~((heights >= limits.floor) & (heights <= limits.ceiling))
+            told.check(wrong, partial(_check_height, limits, heights))
+
+    def _refuse_places(self, told: _Told, x: Floats, y: Floats) -> None:
+        """Refuse places, m, outside of the world; a torus has them all."""
+        left, bottom, right, top = self.bodies.fence
+        wrong = ~((x >= left) & (x <= right) & (y >= bottom) & (y <= top))
+        if self.bodies.scenario.torus or not wrong.any():
+            return
+        for limits, of_type in self._limits_of(told.robots):
+            told.check(of_type & wrong, partial(_check_place, limits, x, y))
+
+    def _limits_of(self, robots: Whole) -> Iterator[tuple[Limits, Flags]]:
+        """The limits of each type, and which of the robots are of it."""
+        for part, which in zip(self.bodies.parts, self.bodies.of_each_type, strict=True):
+            yield part.limits, (robots >= which.start) & (robots < which.stop)
+
+
+def _check_height(limits: Limits, heights: Floats, index: int) -> None:
+    hovering.check_height(limits, float(heights[index]))
+
+
+def _check_place(limits: Limits, x: Floats, y: Floats, index: int) -> None:
+    hovering.check_place(limits, float(x[index]), float(y[index]))
+
+
+def pilot_of(bodies: Bodies) -> Pilot:
+    """Who tells these bodies what to do, of which some fly."""
+    assert bodies.flight is not None
+    return Pilot(bodies, bodies.flight)
+
+
+class _Told:
+    """A command to some robots, of which `obeys` do it and `asked` may refuse it."""
+
+    def __init__(self, robots: Whole, obeys: Flags, asked: Flags) -> None:
+        self.robots, self.obeys, self._asked = robots, obeys & asked, asked
+        self._faults: dict[int, SleepcastError] = {}
+
+    @property
+    def free(self) -> Whole:
+        """The indices of those that do it."""
+        return self.robots[self.obeys]
+
+    @property
+    def results(self) -> Results:
+        faults = self._faults
+        return [faults.get(index, 1.0) for index in range(len(self.robots))] if faults else None
+
+    def refuse(self, where: Flags, sentence: str) -> None:
+        """Those refuse it, for this reason."""
+        self._note(where, lambda index: MisuseError(sentence))
+
+    def check(self, where: Flags, check: Callable[[int], None]) -> None:
+        """Those refuse it for the reason that `check` raises for their index."""
+
+        def raised(index: int) -> SleepcastError | None:
+            try:
+                check(index)
+            except SleepcastError as error:
+                return error
+            return None
+
+        self._note(where, raised)
+
+    def _note(self, where: Flags, reason: Callable[[int], SleepcastError | None]) -> None:
+        for index in np.flatnonzero(where & self._asked).tolist():
+            error = reason(index)
+            if error is not None:
+                self.obeys[index] = False
+                self._faults.setdefault(index, error)

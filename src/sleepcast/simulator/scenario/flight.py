@@ -1,0 +1,68 @@
+"""What flies: the table [robots.flight], which makes of a body on the ground one that hovers.
+
+It then has the names of whatever hovers (`robot.hovering`), and the limits of its climb and height beside those of
+[robots.limits].
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf
+
+from sleepcast.core.model import Quantity
+from sleepcast.core.records import dataclass
+from sleepcast.core.settings import Table
+from sleepcast.core.units import LENGTH, SPEED, TIME
+from sleepcast.robot import Limits, hovering
+
+BATTERY = "battery"
+"""The store that flying uses up."""
+HIGHEST = 10_000.0
+"""m above the ground to which anything may fly: higher, the air is another one."""
+SENSORS = ("z", "turn_rate", "height", "climb_rate", "armed", "flying")
+"""What a body senses because it flies, of `hovering.sensors`."""
+NAMES = (*SENSORS, "drive_side", "drive_climb")
+"""The variables that it has because it flies."""
+
+
+@dataclass(frozen=True, slots=True)
+class FlightSpec:
+    """How bodies of one type fly, besides what their `Limits` say.
+
+    sink: m/s in a landing
+    height: of a take-off that says none, m above the ground
+    hovers: s for which a full battery keeps it in the air, inf for ever
+    climbs: m that it climbs on a full battery, apart from that
+    """
+
+    sink: float
+    height: float
+    hovers: float = inf
+    climbs: float = inf
+
+
+def read_flight(robots: Table, limits: Limits) -> tuple[FlightSpec, Limits]:
+    """The table [robots.flight], and these limits with those of flying."""
+    for key, why in (("wheels", "go on wheels"), ("sonar", "have sonars")):
+        if robots.has(key):
+            raise robots.error(key, f"robots that fly do not {why}: leave this out, or [robots.flight]")
+    with robots.table("flight") as table:
+        climb = table.number("climb", SPEED, low=1e-3, high=100.0)
+        floor = table.number("floor", LENGTH, 0.5, low=0.0, high=HIGHEST)
+        ceiling = table.number("ceiling", LENGTH, low=0.0, high=HIGHEST)
+        if ceiling <= floor:
+            raise table.error("ceiling", f"wanted more than the floor, {floor:g} m")
+        spec = FlightSpec(
+            sink=table.number("sink", SPEED, climb, low=1e-3, high=100.0),
+            height=table.number("height", LENGTH, low=floor, high=ceiling),
+            hovers=table.number("hovers", TIME, inf, low=1.0),
+            climbs=table.number("climbs", LENGTH, inf, low=1.0),
+        )
+        return spec, replace(limits, climb=climb, floor=floor, ceiling=ceiling)
+
+
+def flight_sensors(limits: Limits) -> tuple[Quantity, ...]:
+    """What bodies sense because they fly; in a simulation, nothing that was measured grows old."""
+    known = {each.name: each for each in hovering.sensors(limits, inf)}
+    above_ground = replace(known["height"], doc="above the ground")
+    return tuple(above_ground if name == "height" else known[name] for name in SENSORS)

@@ -1,0 +1,285 @@
+"""Bodies that fly: take-offs, places, limits of height, STOP, landings; the same for one and for many."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import nan, pi
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sleepcast as sc
+from machines import MACHINES
+from sleepcast.console.adapters.recording import load_timeline
+from sleepcast.console.frames import places_of
+from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.settings import SettingsError
+from sleepcast.robot import FencedError, Setpoint, hovering
+from sleepcast.simulator import Simulator, read_scenario
+from sleepcast.simulator.engine import Machine
+from sleepcast.simulator.recording.foxglove import read_heights
+from sleepcast.simulator.recording.recording import entries, load_recording
+from sleepcast.simulator.snapshot import resume, state_of
+
+SKY = """
+format = 2
+title = "a sky"
+seconds = "1min"
+tick = "0.1s"
+
+[world]
+width = "60m"
+height = "60m"
+
+[robots]
+like = "copter"
+starts = [["10m", "10m", "0deg"], ["20m", "10m", "90deg", "high", "8m"], ["30m", "10m", "180deg"]]
+"""
+LOW, HIGH = 0, 1
+"""The first robot stands on the ground, the second one hovers."""
+
+
+def sky(machine: Machine | None = None, text: str = SKY) -> Simulator:
+    return Simulator(read_scenario(text), machine=machine)
+
+
+def steps(simulator: Simulator, seconds: float) -> None:
+    for _ in range(round(seconds / simulator.scenario.tick)):
+        simulator.step()
+
+
+def sensed(simulator: Simulator, robot: int) -> dict[str, float]:
+    names = (sensor.name for sensor in simulator.model.sensors)
+    return dict(zip(names, simulator.readings([robot])[0], strict=True))
+
+
+def refused(call: Callable[[], object]) -> str:
+    with pytest.raises(MisuseError) as caught:
+        call()
+    return str(caught.value)
+
+
+def outcome(command: Callable[..., object], *numbers: float) -> tuple[type, str]:
+    """1, or the error that was raised, as its type and text."""
+    try:
+        command(*numbers)
+    except SleepcastError as error:
+        return type(error), str(error)
+    return float, "1.0"
+
+
+def test_robots_start_on_the_ground_or_hover_where_their_start_says() -> None:
+    simulator = sky()
+    steps(simulator, 1.0)
+    low, high = sensed(simulator, LOW), sensed(simulator, HIGH)
+    assert (low["z"], low["height"], low["armed"], low["flying"]) == (0.0, 0.0, 0.0, 0.0)
+    assert (high["z"], high["height"], high["armed"], high["flying"]) == (8.0, 8.0, 1.0, 1.0)
+    assert (high["x"], high["y"]) == (20.0, 10.0)
+    assert simulator.heights is not None
+    assert simulator.heights.tolist() == [0.0, 8.0, 0.0]
+
+
+def test_a_flight_from_the_ground_to_a_place_and_back() -> None:
+    simulator = sky()
+    body = simulator.robots[LOW]
+    body.take_off(2.0)
+    steps(simulator, 1.0)
+    rising = sensed(simulator, LOW)
+    assert rising["armed"] == rising["flying"] == 1.0
+    assert rising["climb_rate"] == pytest.approx(1.0)
+    steps(simulator, 4.0)
+    assert sensed(simulator, LOW)["height"] == pytest.approx(2.0, abs=1e-6)
+    body.go_to(16.0, 18.0, 5.0)
+    steps(simulator, 12.0)
+    there = sensed(simulator, LOW)
+    assert [there[name] for name in ("x", "y", "z")] == pytest.approx([16.0, 18.0, 5.0], abs=1e-3)
+    assert there["heading"] == 0.0, "on the way to a place it keeps its heading"
+    body.touch_down()
+    steps(simulator, 20.0)
+    landed = sensed(simulator, LOW)
+    assert (landed["z"], landed["armed"], landed["flying"], landed["climb_rate"]) == (0.0, 0.0, 0.0, 0.0)
+
+
+def test_four_numbers_drive_it_and_a_place_ends_them() -> None:
+    simulator = sky()
+    body = simulator.robots[HIGH]
+    body.act(Setpoint(speed=3.0, turn_rate=0.0, side=4.0, climb=0.5))
+    steps(simulator, 4.0)
+    flies = sensed(simulator, HIGH)
+    assert flies["speed"] == pytest.approx(3.0), "the limit is that of the vector, 5 m/s"
+    assert flies["climb_rate"] == pytest.approx(0.5)
+    assert simulator.y[HIGH] > 15.0, "it looks to the north"
+    assert simulator.x[HIGH] < 16.0, "its left is in the west"
+    body.act(Setpoint(turn_rate=-0.5))
+    steps(simulator, 1.0)
+    assert sensed(simulator, HIGH)["turn_rate"] == pytest.approx(-0.5)
+    assert simulator.bodies.heading[HIGH] == pytest.approx(pi / 2.0 - 0.5)
+    z = sensed(simulator, HIGH)["z"]
+    body.go_to(20.0, 20.0)
+    steps(simulator, 15.0)
+    there = sensed(simulator, HIGH)
+    assert [there[name] for name in ("x", "y", "speed", "climb_rate")] == pytest.approx([20, 20, 0, 0], abs=1e-6)
+    assert there["z"] == pytest.approx(z, abs=0.2), "at the height where it was"
+
+
+def test_it_comes_to_rest_before_floor_ceiling_and_edges() -> None:
+    simulator = sky()
+    body, limits = simulator.robots[HIGH], simulator.model.limits
+    for climb, end in ((1.0, limits.ceiling), (-1.0, limits.floor)):
+        body.act(Setpoint(climb=climb))
+        heights = []
+        for _ in range(400):
+            simulator.step()
+            heights.append(float(simulator.bodies.flight.z[HIGH]) if simulator.bodies.flight else nan)
+        assert limits.floor <= min(heights) <= max(heights) <= limits.ceiling
+        assert heights[-1] == pytest.approx(end, abs=0.01)
+    body.act(Setpoint(speed=0.0, side=-5.0, climb=0.0))
+    xs = []
+    for _ in range(150):
+        simulator.step()
+        xs.append(float(simulator.x[HIGH]))
+    assert max(xs) <= 60.0
+    assert xs[-1] == pytest.approx(60.0, abs=0.01)
+    assert max(np.abs(np.diff(np.diff(xs)))) <= limits.acceleration * 0.1**2 + 1e-9
+
+
+def test_stop_hovers_and_nothing_moves_it_until_the_release() -> None:
+    simulator = sky()
+    body = simulator.robots[HIGH]
+    body.act(Setpoint(speed=5.0, climb=1.0))
+    steps(simulator, 3.0)
+    body.stop()
+    steps(simulator, 4.0)
+    assert body.rest_state().at_rest
+    before = sensed(simulator, HIGH)
+    body.take_off(20.0), body.go_to(1.0, 1.0), body.touch_down(), body.act(Setpoint(climb=1.0))
+    assert refused(body.arm) == "it is stopped: RELEASE it first"
+    steps(simulator, 2.0)
+    after = sensed(simulator, HIGH)
+    assert {name: after[name] for name in "xyz"} == {name: before[name] for name in "xyz"}
+    body.release()
+    steps(simulator, 1.0)
+    assert sensed(simulator, HIGH)["z"] == before["z"], "nothing old resumes"
+    body.climb(0.5)
+    steps(simulator, 2.0)
+    assert sensed(simulator, HIGH)["z"] > before["z"]
+
+
+def test_stop_on_the_way_up_and_down_holds_the_height() -> None:
+    simulator = sky()
+    low, high = simulator.robots[LOW], simulator.robots[HIGH]
+    low.take_off(10.0), high.touch_down()
+    steps(simulator, 3.0)
+    low.stop(), high.stop()
+    steps(simulator, 2.0)
+    heights = sensed(simulator, LOW)["z"], sensed(simulator, HIGH)["z"]
+    steps(simulator, 2.0)
+    assert (sensed(simulator, LOW)["z"], sensed(simulator, HIGH)["z"]) == heights
+    assert 1.0 < heights[0] < 4.0
+    assert 6.0 < heights[1] < 8.0
+
+
+def test_what_it_does_not_do_it_refuses_in_the_words_of_a_real_one() -> None:
+    simulator = sky()
+    low, high = simulator.robots[LOW], simulator.robots[HIGH]
+    assert refused(lambda: low.go_to(1.0, 1.0)) == hovering.GROUNDED
+    assert refused(lambda: low.climb(0.5)) == hovering.GROUNDED
+    assert refused(high.disarm) == hovering.FLYING
+    assert refused(lambda: low.take_off(31.0)) == "it flies from 0.5 to 30 m high, not at 31 m"
+    assert refused(lambda: high.go_to(1.0, 1.0, 0.2)) == "it flies from 0.5 to 30 m high, not at 0.2 m"
+    with pytest.raises(FencedError, match=r"\(70, 1\) m lies outside of the fence"):
+        high.go_to(70.0, 1.0)
+    high.touch_down()
+    assert refused(lambda: high.go_to(1.0, 1.0)) == hovering.LANDING
+    high.go_to(1.0, 1.0, 6.0)
+    steps(simulator, 20.0)
+    assert sensed(simulator, HIGH)["z"] == pytest.approx(6.0)
+
+
+def test_a_battery_is_used_up_by_hovering_and_lands_it_when_empty() -> None:
+    text = SKY + '[robots.flight]\nhovers = "10s"\nclimb = "1m/s"\nceiling = "30m"\nheight = "5m"\nsink = "0.5m/s"\n'
+    simulator = sky(text=text)
+    steps(simulator, 5.0)
+    assert sensed(simulator, HIGH)["battery"] == pytest.approx(0.5)
+    assert sensed(simulator, LOW)["battery"] == 1.0, "on the ground it uses nothing"
+    steps(simulator, 6.0)
+    assert sensed(simulator, HIGH)["climb_rate"] == -0.5
+    exhausted = simulator.exhausted()
+    assert exhausted is not None
+    assert exhausted.tolist() == [False, True, False]
+    steps(simulator, 20.0)
+    assert sensed(simulator, HIGH)["z"] == 0.0
+    assert "its battery is empty" in refused(lambda: simulator.robots[HIGH].take_off(3.0))
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+def test_one_and_many_are_told_the_same(machine: Machine) -> None:
+    one, many = sky(machine), sky(machine)
+    everybody = np.arange(3)
+    orders = (
+        ("take_off", [3.0, 31.0, 4.0]),
+        ("go_to", [5.0, 50.0, 70.0], [5.0, 5.0, 5.0]),
+        ("go_to", [5.0, 50.0, 40.0], [5.0, 5.0, 5.0], [2.0, 40.0, 9.0]),
+        ("climb", [0.2, -0.2, 0.2]),
+        ("disarm",),
+        ("arm",),
+        ("touch_down",),
+    )
+    for name, *columns in orders:
+        results = getattr(many.robots, name)(everybody, *map(np.array, columns))
+        given = [results[robot] if results else 1.0 for robot in everybody]
+        for robot, numbers in enumerate(zip(*columns, strict=True) if columns else [()] * 3):
+            command = getattr(one.robots[robot], name)
+            assert outcome(command, *numbers) == (type(given[robot]), str(given[robot]))
+        steps(one, 2.0), steps(many, 2.0)
+        assert one.state_hash() == many.state_hash(), name
+
+
+def test_a_snapshot_in_the_air_goes_on_as_the_run_did() -> None:
+    simulator = sky()
+    simulator.robots[LOW].take_off(6.0)
+    simulator.robots[HIGH].go_to(40.0, 40.0, 12.0)
+    steps(simulator, 2.0)
+    again = resume(state_of(simulator))
+    steps(simulator, 5.0), steps(again, 5.0)
+    assert again.state_hash() == simulator.state_hash()
+    assert sensed(again, LOW)["z"] == pytest.approx(6.0, abs=0.3)
+
+
+def test_a_fleet_flies_by_expressions_with_accounts() -> None:
+    with sc.open(SKY) as fleet:
+        assert len(fleet.send("(GOTO 5m 5m)", everybody=True).fault) == 2
+        sent = fleet.send("(WHEN (AND (> battery 50%) (NOT flying)) (TAKEOFF 3m))")
+        assert len(sent.matched) == 2
+        fleet.run(5.0)
+        assert fleet.table()["z"].tolist() == pytest.approx([3.0, 8.0, 3.0])
+        fleet.send("(WHEN flying (RULE up (SETQ drive_climb 0.2m/s)))")
+        fleet.run(5.0)
+        assert min(fleet.table()["climb_rate"]) == pytest.approx(0.2)
+
+
+def test_a_recording_and_a_page_have_the_heights(tmp_path: Path) -> None:
+    with sc.open(SKY) as fleet, fleet.record(tmp_path / "sky.mcap"):
+        fleet.send("(WHEN (NOT flying) (TAKEOFF 3m))")
+        fleet.run(6.0)
+        heights = fleet.table()["z"].tolist()
+    recording = load_recording(tmp_path / "sky.mcap")
+    *_, last = (each.data for each in entries(tmp_path / "sky.mcap", recording) if each.topic == "/poses")
+    assert read_heights(last, 3).tolist() == pytest.approx(heights)
+    _, poses = load_timeline(recording).poses.values[-1]
+    assert places_of(poses, 3)[2].tolist() == pytest.approx(heights)
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (('like = "copter"', 'like = "scout"\nz = "1m"'), "do not fly"),
+        (('"8m"]', '"80m"]'), "z"),
+        (('like = "copter"', 'like = "copter"\nmotion = "wander"'), "motion"),
+        (('like = "copter"', 'like = "copter"\nbody = { radius = "1m", bumpers = 2 }'), "body"),
+    ],
+)
+def test_what_cannot_fly_so_is_refused(change: tuple[str, str], why: str) -> None:
+    with pytest.raises(SettingsError, match=why):
+        read_scenario(SKY.replace(*change))

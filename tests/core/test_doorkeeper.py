@@ -7,8 +7,9 @@ import resource
 
 import pytest
 
+from arriving import AGES, arriving, nothing_left_open, turns
 from sleepcast.core.clock import ManualClock
-from sleepcast.core.doorkeeper import FULL, LEAST, PAUSE, Doorkeeper, room, sentences_of
+from sleepcast.core.doorkeeper import FULL, LEAST, PAUSE, Doorkeeper, room, sentences_of, stop_listening
 
 
 class Line:
@@ -83,3 +84,25 @@ def test_a_process_without_files_says_it_once() -> None:
         loop.close()
     assert len(said) == 1
     assert "no file left" in said[0]
+
+
+@pytest.mark.parametrize("age", AGES)
+def test_who_arrives_as_the_server_ends_has_a_protocol_then(age: int) -> None:
+    lines: list[asyncio.Transport] = []
+
+    class Known(asyncio.Protocol):
+        def connection_made(self, transport: asyncio.BaseTransport) -> None:
+            assert isinstance(transport, asyncio.Transport)
+            lines.append(transport)
+
+    async def scene() -> None:
+        server = await asyncio.get_running_loop().create_server(Known, "127.0.0.1", 0)
+        with arriving(server.sockets[0].getsockname()[1]):
+            await turns(age)
+            await stop_listening([server])
+            assert not server.is_serving()
+            for line in lines:
+                line.abort()
+
+    with nothing_left_open():
+        asyncio.run(scene())

@@ -17,6 +17,7 @@ import takproto
 
 from channel.test_udp import free_port
 from processes import tak_server
+from sleepcast.core.doorkeeper import stop_listening
 from sleepcast.core.errors import MisuseError
 from sleepcast.tak import link as links
 from sleepcast.tak.event import MESH, CotEvent, read_xml
@@ -61,7 +62,7 @@ async def served(serve: Serve, context: ssl.SSLContext | None = None, port: int 
     try:
         yield server.sockets[0].getsockname()[1]
     finally:
-        server.close()
+        await stop_listening([server])
         for handler in filter(None, handlers):
             handler.cancel()
         await asyncio.gather(*filter(None, handlers), return_exceptions=True)

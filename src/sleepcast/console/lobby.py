@@ -19,7 +19,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from sleepcast.core.clock import Clock
-from sleepcast.core.doorkeeper import QUEUE, TURNS, Doorkeeper, room
+from sleepcast.core.doorkeeper import QUEUE, TURNS, Doorkeeper, room, stop_listening
 
 MAX_CONNECTIONS = 128
 """Connections of strangers, and as many of those with the token: a browser opens six."""
@@ -128,6 +128,13 @@ class LobbyServer(uvicorn.Server):
         await super().startup(sockets)
         for listener in sockets or ():
             listener.listen(QUEUE)
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Stop listening, let open connections end, and close those that do not."""
+        await stop_listening(self.servers)
+        await super().shutdown(sockets)
+        for connection in list(self.server_state.connections):
+            connection.transport.abort()
 
 
 class Quiet(logging.Filter):

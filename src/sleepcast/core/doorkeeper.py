@@ -2,13 +2,15 @@
 
 Whoever reaches a port can open connections and say nothing. So there is room for only so many strangers, far fewer than
 a process may have files, and one more pushes out the one that has waited for longest: somebody who speaks at once is
-always heard, and who does not, soon loses his place. Those who are known are no business of the keeper any more.
+always heard, and who does not, soon loses his place. Those who are known are no business of the keeper any more. When
+the server ends, nobody is left at the door: see `stop_listening`.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any, Protocol
 
 from sleepcast.core.clock import Clock
@@ -26,6 +28,8 @@ FULL = "socket.accept() out of system resource"
 """What asyncio says when there is no file left for one more connection."""
 LEAST = 16
 """Strangers at least, whatever the limit of files is."""
+ARRIVAL = 4
+"""Turns of a loop from the one in which the system hands a connection over to the first that its protocol does."""
 
 
 class Abortable(Protocol):
@@ -128,3 +132,19 @@ def sentences_of(say: Callable[[str], None]) -> Callable[[asyncio.AbstractEventL
             say("this process has no file left for one more connection: close programs, or raise the limit (ulimit -n)")
 
     return handle
+
+
+async def stop_listening(servers: Sequence[asyncio.Server]) -> None:
+    """Take no more connections, and close these servers once those that were just taken have their protocols, so that
+    whoever then closes all connections closes these as well. If a server is closed earlier, asyncio forgets them open
+    as they are, and their clients wait in vain."""
+    loop = asyncio.get_running_loop()
+    try:
+        for listener in (each for server in servers for each in server.sockets):
+            with suppress(NotImplementedError):  # the loop of Windows takes a connection in a single turn
+                loop.remove_reader(listener)
+        for _ in range(ARRIVAL):
+            await asyncio.sleep(0)
+    finally:
+        for server in servers:
+            server.close()

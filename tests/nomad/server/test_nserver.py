@@ -6,12 +6,13 @@ import asyncio
 import socket
 import time
 from collections.abc import AsyncIterator, Callable, Coroutine
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from math import inf
 from random import Random
 
 import pytest
 
+from arriving import AGES, arriving, nothing_left_open, turns
 from sleepcast.core.clock import WallClock
 from sleepcast.core.errors import MisuseError
 from sleepcast.nomad import Nserver, ServerError, ServerPace, Windows, own_addresses
@@ -583,6 +584,38 @@ def test_a_client_that_may_ends_the_server() -> None:
         await client.close()
 
     play(scene)
+
+
+@pytest.mark.parametrize("age", AGES)
+def test_whoever_arrives_as_the_server_ends_is_hung_up_on(age: int) -> None:
+    async def scene() -> None:
+        async with served() as made:
+            with arriving(made.nserver.port) as client:
+                await turns(age)
+                await made.nserver.close()
+                with suppress(ConnectionResetError):
+                    async with asyncio.timeout(LONGEST):
+                        assert await asyncio.get_running_loop().sock_recv(client, 1) == b""
+            assert not made.nserver.lines
+
+    with nothing_left_open():
+        play(scene)
+
+
+def test_who_never_reads_does_not_hold_up_the_end() -> None:
+    async def scene() -> None:
+        async with served() as made:
+            deaf = await made.caller()
+            deaf.writer.transport.pause_reading()  # type: ignore[attr-defined]
+            (line,) = made.nserver.lines
+            deaf.writer.write(GS * 100_000)
+            await eventually(lambda: line.kept > MAX_BUFFERED)
+            async with asyncio.timeout(LONGEST):
+                await made.nserver.close()
+            await eventually(lambda: not made.nserver.lines)
+
+    with nothing_left_open():
+        play(scene)
 
 
 def test_a_port_that_is_taken_is_named() -> None:

@@ -15,7 +15,7 @@ from ipaddress import ip_address
 from math import inf
 
 from sleepcast.core.clock import Clock, WallClock
-from sleepcast.core.doorkeeper import QUEUE, TURNS, Doorkeeper, room, sentences_of
+from sleepcast.core.doorkeeper import QUEUE, TURNS, Doorkeeper, room, sentences_of, stop_listening
 from sleepcast.core.errors import SleepcastError
 from sleepcast.nomad.server.connection import PAGE, ManualClient, ServerConnection
 from sleepcast.nomad.server.relay import RealAddress, Relay
@@ -138,18 +138,25 @@ class Nserver:
 
     async def close(self) -> None:
         """Stop listening and hang up; real robots are stopped."""
-        for server in self._servers:
-            server.close()
-        relays = self._relays()
+        servers, self._servers = self._servers, []
+        relays = self._hang_up()
+        await stop_listening(servers)
+        relays |= self._hang_up()  # on those who came in meanwhile
+        for line in list(self.lines):
+            line.abort()  # it does not read what it was sent
+        for server in servers:
+            await server.wait_closed()
+        for relay in relays:
+            await relay.gone()
+
+    def _hang_up(self) -> set[Relay]:
+        """Close all connections once they have got what was sent to them; gives the relays that stop real robots."""
+        relays = set(self._relays())
         for relay in relays:
             relay.close()
         for line in list(self.lines):
             line.end()
-        for server in self._servers:
-            await server.wait_closed()
-        self._servers.clear()
-        for relay in relays:
-            await relay.gone()
+        return relays
 
     def step(self) -> None:
         """Let one tick pass, and answer who waits for it."""

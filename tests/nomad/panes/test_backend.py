@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import struct
 from collections import deque
 from pathlib import Path
 
@@ -22,11 +24,41 @@ HELLO = Path(__file__).parent / "hello.json"
 """The first words to the page of a robot in an empty room, byte for byte."""
 
 
+def opened() -> tuple[Nserver, NomadDialogue]:
+    """A server of one robot in an empty room, where nobody listens, and a page of it."""
+    clock, world = ManualClock(), nomad_world()
+    nserver = Nserver(world, windows=Windows(1))
+    nomads = NomadsAdapter(nserver, ServerPace(clock, 1.0), "a room", world.area)
+    return nserver, NomadDialogue(NomadsBackend(nomads, clock))
+
+
 def test_the_first_words_to_a_page_stay_as_they_are() -> None:
     """Its modules read them, and so do programs that watch a server. Who changes them changes the file as well."""
-    clock, world = ManualClock(), nomad_world()
-    nomads = NomadsAdapter(Nserver(world, windows=Windows(1)), ServerPace(clock, 1.0), "a room", world.area)
-    assert NomadDialogue(NomadsBackend(nomads, clock)).hello() == HELLO.read_text("utf-8").rstrip("\n")
+    _, dialogue = opened()
+    assert dialogue.hello() == HELLO.read_text("utf-8").rstrip("\n")
+
+
+def test_a_page_begins_with_how_everything_is_now() -> None:
+    """And not with what a page saw last that was closed some time ago."""
+    nserver, before = opened()
+    before.leave()
+    nserver.step()
+    NomadDialogue(before._desk)
+    (time,) = struct.unpack_from("<d", before.source.frame, 16)
+    assert time == nserver.world.time > 0.0
+
+
+def test_a_page_that_looks_at_a_robot_once_more_is_told_of_it_from_the_beginning() -> None:
+    """Whoever says that it looks at a robot has forgotten what it was sent of it, be it the same one or another."""
+    nserver, dialogue = opened()
+    for _ in range(50):
+        nserver.step()
+    (whole,) = dialogue.with_frame()
+    dialogue.watch(0)
+    (again,) = dialogue.with_frame()
+    rows = [json.loads(each)["chosen"]["near"] for each in (whole, again)]
+    assert len(rows[0][1]) > 1
+    assert rows[0] == rows[1]
 
 
 class TestTail:

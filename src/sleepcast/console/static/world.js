@@ -177,7 +177,8 @@ export class World extends EventTarget {
   }
 
   choose(index, tell = true) {
-    if (index < 0 && this.scene.discs) return; // one is always looked at
+    // One is always looked at, and to choose it again forgets nothing of it.
+    if (this.scene.discs && (index < 0 || index === this.marks.chosen)) return;
     this.marks.chosen = index;
     if (index < 0) this.following = false;
     this.repaint("robots");

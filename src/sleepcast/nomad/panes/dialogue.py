@@ -43,7 +43,7 @@ class NomadDialogue(Dialogue[NomadsBackend]):
         self._hand_off: asyncio.TimerHandle | None = None
         self._rests: set[asyncio.Task[None]] = set()
         """Of robots that nobody drives any more."""
-        desk.driver.pages += 1
+        desk.driver.enter()
 
     @property
     def source(self) -> FrameSource:
@@ -66,7 +66,7 @@ class NomadDialogue(Dialogue[NomadsBackend]):
             yield data.decode()
 
     def leave(self) -> None:
-        self._desk.driver.pages -= 1
+        self._desk.driver.leave()
         self._let_go()
 
     def _begin(self, order: Coroutine[Any, Any, T]) -> Awaitable[T]:

@@ -25,11 +25,11 @@ TICKS = 1000
 
 
 class NomadDriver(FrameSource):
-    """See the module. pages: how many are open."""
+    """See the module."""
 
     def __init__(self, nomads: Nomads, clock: Clock) -> None:
         super().__init__()
-        self.pages = 0
+        self._pages = 0
         self._nomads, self._clock = nomads, clock
         self._wanted = nomads.speed or REAL_TIME
         self._times = deque([(clock.now(), nomads.time)])
@@ -37,9 +37,18 @@ class NomadDriver(FrameSource):
     async def run(self) -> None:
         """Show them until cancelled."""
         while True:
-            if self.pages:
+            if self._pages:
                 self.draw()
             await asyncio.sleep(PICTURE_PERIOD)
+
+    def enter(self) -> None:
+        """A page is open from now on; the first thing that it is shown is how everything is now."""
+        self._pages += 1
+        self.draw()
+
+    def leave(self) -> None:
+        """It is no longer."""
+        self._pages -= 1
 
     def set_pace(self, running: bool | None = None, factor: float | None = None) -> None:
         """Change whether time runs and how fast; None leaves it as it is."""

@@ -131,9 +131,8 @@ class PageWindows:
         self._rows = _Rows()
 
     def choose(self, robot: int) -> None:
-        """Look at this robot from now on."""
-        if robot != self._chosen:
-            self._chosen, self._rows = robot, _Rows()
+        """Look at this robot from now on. Of its rows the page lacks all, even if it has looked at it before."""
+        self._chosen, self._rows = robot, _Rows()
 
     def take(self) -> WindowsNews:
         """What the page lacks now."""

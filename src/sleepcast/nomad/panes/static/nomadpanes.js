@@ -67,9 +67,7 @@ function nomadPanes({ find, wire, world }) {
   wire.addEventListener("robot", ({ detail }) => robotWindow.setSaid(detail.said));
   wire.addEventListener("lost", () => driving.release());
 
-  // Choosing the same robot again forgets nothing that the desk would not tell again.
-  const look = (index) => index === windows.chosen || world.choose(index);
-  chooser.addEventListener("choose", ({ detail }) => look(detail));
+  chooser.addEventListener("choose", ({ detail }) => world.choose(detail));
   robotWindow.addEventListener("answer", ({ detail }) => answer(detail));
   file.addEventListener("told", ({ detail }) => orders.answer(detail.text, detail.wrong));
   traces.addEventListener("place", ({ detail }) => {
@@ -115,7 +113,7 @@ function nomadPanes({ find, wire, world }) {
     key: (key) => {
       const index = Number(key) - 1;
       if (!(index >= 0 && index < (world.scene?.count ?? 0))) return false;
-      look(index);
+      world.choose(index);
       return true;
     },
   };

@@ -35,19 +35,30 @@ expect.set_options(timeout=1000 * PATIENCE)
 
 
 @pytest.fixture(scope="module")
-def nomads(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
-    """Two Scouts in a room, at four times real time, any ports; Ctrl-C ends all of it cleanly."""
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
+    """Two Scouts in a room, any ports; Ctrl-C ends all of it cleanly."""
     room = tmp_path_factory.mktemp("room") / "room.txt"
     room.write_text(ROOM)
-    with Program("nserver", room, "--robots", "2", "--speed", "4", "--page-port", "0") as started:
+    with Program("nserver", room, "--robots", "2", "--page-port", "0") as started:
         yield started
         assert started.end() == 130
         assert "Traceback" not in started.said
 
 
 @pytest.fixture
+def nomads(server: Program) -> Program:
+    """The server at four times real time, without STOP, and with the walls of the room alone, whatever the test before
+    left behind and however that ended."""
+    with open_page(server) as page:
+        page.tell("release")
+        page.tell("pace", running=True, factor=4)
+        assert page.ask("load", name="room.txt", text=ROOM)["type"] == "done"
+    return server
+
+
+@pytest.fixture
 def robot(nomads: Program) -> Iterator[Nomad]:
-    """A program that drives robot 1, from the middle of the room."""
+    """A program that drives robot 1, from the middle of the room, where it has seen nothing yet."""
     found = re.search(r"port (\d+)", nomads.said)
     assert found
     with Nomad.connect("127.0.0.1", int(found[1]), robot=1) as nomad:
@@ -124,6 +135,10 @@ FIND_BOX = """
 """Within which pixels of the window the ground has a colour of the theme; null if it is nowhere."""
 
 
+BESIDE = 16
+"""Pixels to the right of a robot, and below it, at which its label is."""
+
+
 class Map:
     """Where things are in the window: tenths of inches from the middle of the room, which has a side of 2000."""
 
@@ -134,6 +149,16 @@ class Map:
 
     def __call__(self, x: float, y: float) -> tuple[float, float]:
         return self._x + x * self._scale, self._y - y * self._scale
+
+
+def at_hand(page: Page, at: Map) -> bool:
+    """Whether the picture has a robot in the middle of the room, as the label beside the one under the pointer says: it
+    may come later than the robot's numbers."""
+    x, y = at(0, 0)
+    page.mouse.move(*at(0, 400))
+    page.mouse.move(x, y)
+    label = page.locator("#tip").bounding_box()
+    return label is not None and (label["x"], label["y"]) == pytest.approx((x + BESIDE, y + BESIDE), abs=2)
 
 
 def solid(page: Page, place: tuple[float, float]) -> bool:
@@ -263,6 +288,9 @@ def test_a_robot_that_is_chosen_again_is_shown_as_before(page: Page, robot: Noma
     page.locator("#map").focus()
     for key in "211":
         page.keyboard.press(key)
+    at = Map(page)
+    until(page, lambda: at_hand(page, at))
+    page.mouse.click(*at(0, 0))
     page.wait_for_timeout(500)
     expect(said).to_contain_text("Still here.")
 
@@ -332,14 +360,7 @@ def told_speeds(page: Line) -> list[int]:
 def test_robots_and_obstacles_are_put_elsewhere_by_hand(page: Page, robot: Nomad) -> None:
     at = Map(page)
     until(page, lambda: numbers(page, "actual") == [0, 0, 0, 0])
-
-    def at_hand() -> bool:
-        """Whether the robot is under the pointer, as its label says: its picture may come later than its numbers."""
-        page.mouse.move(*at(0, 400))
-        page.mouse.move(*at(0, 0))
-        return page.locator("#tip").is_visible()
-
-    until(page, at_hand)
+    until(page, lambda: at_hand(page, at))
     page.mouse.down()
     page.mouse.move(*at(250, 150), steps=3)
     page.mouse.move(*at(500, 300))
@@ -532,6 +553,7 @@ def test_the_sensors_have_a_past(page: Page, robot: Nomad) -> None:
     expect(bumps).to_have_attribute("aria-label", "Bumper in the last minute: hit 0 times")
     page.keyboard.press("1")
     expect(bumps).to_have_attribute("aria-label", "Bumper in the last minute: hit once")
+    expect(page).to_have_url(re.compile("#robot=1$"))  # the address keeps up with what is seen, a moment later
     second = page.context.new_page()  # the server keeps it
     second.goto(page.url)
     expect(second.locator(SHORT_PAST)).to_have_attribute("aria-label", "Bumper in the last minute: hit once")

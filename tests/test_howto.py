@@ -14,6 +14,7 @@ import os
 import re
 import shlex
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -49,6 +50,8 @@ CONFIGURED = '"address": "{}", "port": {}'
 """The same in the settings of a small computer."""
 SAID = "udp://239.255.83.76:47123?interface=lo"
 URI = f"udp://{GROUP}:{{}}?interface=lo"
+LISTENS = re.compile(r"--port (\d+)")
+"""A port of this computer at which a page lets a program listen; ours takes one that is free."""
 TOO_LATE = re.compile(
     "silent [1-9]|cannot say [1-9]|no robot (was heard|has told of)|none of (the [0-9]+ robots|them knows)"
     "|does not answer"
@@ -179,6 +182,7 @@ def test_a_how_to_on_the_air_can_be_followed(reader: Reader, page: str) -> None:
     if page == "ros2":
         pytest.importorskip("cyclonedds", reason="cyclonedds is not installed here")
     followed, path = 0, ROOT / "docs" / "howto" / f"{page}.md"
+    free = {port: str(free_port(socket.SOCK_STREAM)) for port in LISTENS.findall(path.read_text())}
     write_files(path, reader.folder)
     for package in re.findall(r"`pip install \./(examples/\w+)`", path.read_text()):
         install(ROOT / package, reader.added)
@@ -186,7 +190,8 @@ def test_a_how_to_on_the_air_can_be_followed(reader: Reader, page: str) -> None:
         file.write_text(file.read_text().replace(SAID, URI.format(reader.port)))
     for block in blocks_of(path):
         for session in re.split(r"^\$ ", block.text, flags=re.MULTILINE)[1:]:
-            line, _, shown = session.partition("\n")
+            here = re.sub(r"\d+", lambda number: free.get(number[0], number[0]), session)
+            line, _, shown = here.partition("\n")
             if block.sort == "terminal":
                 reader.leave_running(line, shown)
             elif block.sort == "air":

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import inspect
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,6 +16,7 @@ import pytest
 import sleepcast as sc
 from cli.calling import called_here
 from console.asking import put
+from exporting.coming import FLOCK, STEPS, THERE, flock
 from fleet.test_scanners import TEXT as SCANNERS
 from sleepcast.console import outgoing
 from sleepcast.console.adapters.live_past import LivePast
@@ -29,11 +30,13 @@ from sleepcast.console.features.preview import GetPreview, Previewed
 from sleepcast.console.features.why import Explained, Why, show_why
 from sleepcast.console.marks import clock_time
 from sleepcast.console.past_view import ExactMoment
+from sleepcast.console.recorded_values import RecordedValues
 from sleepcast.console.replay_client import RerunError
+from sleepcast.console.timeline import news_of
 from sleepcast.core.clock import ManualClock, WallClock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.loop import Pace
-from sleepcast.simulator import Changes, Circle, find_scenario
+from sleepcast.simulator import Changes, Circle, find_scenario, read_scenario
 from sleepcast.simulator.recording.recording import load_recording
 from sleepcast.station.sent import SILENT
 from swarms import desk_of, drive, swarm_of
@@ -301,3 +304,62 @@ def test_what_robots_saw_of_neighbours_and_by_scanners_is_played_back(
         running.cancel()
 
     asyncio.run(ask())
+
+
+def there(names: Sequence[str]) -> list[str]:
+    return sorted(filter(None, names))
+
+
+def test_robots_have_the_names_of_then_in_the_past_of_a_run() -> None:
+    swarm = swarm_of(read_scenario(FLOCK), seed=1)
+    view = SwarmAdapter(swarm)
+    past = LivePast(view, swarm, desk_of(swarm), WallClock())
+    past._every = 2  # so that the moments between are run again
+    seen = [view.scene.names]
+    for name, text in STEPS:
+        swarm.minds[name].evaluate(text)
+        swarm.step()
+        seen.append(view.scene.names)
+    assert [there(names) for names in seen] == [*THERE]
+    for second in (0, 2, 4):
+        assert past.timeline.names_at(second) == seen[second]
+        (roll,) = (each for each in news_of(past.timeline, second, -1) if isinstance(each, outgoing.Roll))
+        assert roll.names == seen[second]
+    past.close()
+
+
+def test_robots_have_the_names_and_numbers_of_then_in_a_recording(tmp_path: Path) -> None:
+    recording = load_recording(flock(tmp_path / "flock.mcap"))
+    timeline = load_timeline(recording)
+    assert [there(timeline.names_at(second)) for second in range(5)] == [*THERE]
+    values = RecordedValues(timeline, lambda: 3.0)
+    assert values.names[:4] == ("sheep5", "sheep2", "sheep3", "sheep4")
+    assert values.of("id")[0][:4].tolist() == [5.0, 2.0, 3.0, 4.0]
+    past = RecordedPast(recording, timeline)
+    marked = [(mark.at, mark.kind) for mark in past.marks.all]
+    assert marked == [(1.0, "birth"), (2.0, "death"), (3.0, "birth"), (4.0, "death")]
+    past.close()
+
+
+def test_what_is_run_again_tells_who_was_there_in_that_very_tick(tmp_path: Path) -> None:
+    file = tmp_path / "run.mcap"
+    with sc.open(FLOCK, seed=1) as fleet, fleet.record(file, pictures=9):
+        fleet.send("(WHEN (= id 1) (HATCH sheep 1))")
+        fleet.run(9)
+        names = SwarmAdapter(fleet.swarm).scene.names
+    recording = load_recording(file)
+    past = RecordedPast(recording, load_timeline(recording))
+
+    async def look() -> None:
+        running = asyncio.create_task(past.live())
+        while "being run again" in past.kept:
+            await asyncio.sleep(0.01)
+        found = await past.look(6, 2)
+        assert there(found.names) == there(names) == ["sheep1", "sheep2", "sheep3"]
+        news = {type(each): each for each in news_of(past.timeline, 6.0, 2, found)}
+        assert msgspec.to_builtins(news[outgoing.Roll])["names"] == names
+        assert outgoing.WatchedRobot in news, "there is no picture of it yet"
+        running.cancel()
+
+    asyncio.run(look())
+    past.close()

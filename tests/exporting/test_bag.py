@@ -18,6 +18,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from exporting.coming import THERE, flock
 from exporting.recorded import YARD, one_picture, recorded
 from sleepcast.exporting import ExportReport, bag, export_recording
 from sleepcast.exporting.bag import Bag, bag_files, topic_names
@@ -318,3 +319,13 @@ def _plain(value: Any) -> str:
     if isinstance(value, list | np.ndarray):
         return ", ".join(map(_plain, value))
     return "" if isinstance(value, str | bool) else repr(float(value))
+
+
+def test_robots_that_come_and_go_have_messages_while_they_are_there(tmp_path: Path) -> None:
+    export_recording(load_recording(flock(tmp_path / "flock.mcap")), "ros2", tmp_path / "bag")
+    messages = heard(tmp_path / "bag")
+    assert [len(each.poses) for each in of("/poses", messages)] == [len(each) for each in THERE]
+    seconds = {name: [each.header.stamp.sec for each in of(f"/{name}/pose", messages)] for name in ("sheep1", "sheep5")}
+    assert seconds == {"sheep1": [0, 1], "sheep5": [3, 4]}
+    (static,) = of("/tf_static", messages)
+    assert {each.child_frame_id for each in static.transforms} == {f"sheep{number}/odom" for number in range(1, 6)}

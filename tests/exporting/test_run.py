@@ -44,7 +44,7 @@ def test_every_entry_is_counted_and_what_matters_is_an_event() -> None:
 
 def test_robots_can_be_chosen_by_name() -> None:
     run = RecordedRun(load_recording(YARD), ["scout3", "scout1", "scout3"])
-    assert run.chosen_names() == ["scout3", "scout1"]
+    assert run.chosen_names == ["scout3", "scout1"]
     assert run.chosen.tolist() == [2, 0]
     assert (run.wants("scout1"), run.wants("scout2"), run.wants("nobody")) == (True, False, False)
     with pytest.raises(MisuseError, match=r'no robot "scuot2" was recorded \(did you mean scout2\?\): there are 3'):

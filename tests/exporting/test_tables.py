@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from exporting.coming import THERE, flock
 from exporting.recorded import YARD, one_picture, recorded
+from sleepcast.core.errors import MisuseError
 from sleepcast.exporting.run import RecordedRun
 from sleepcast.exporting.tables import READINGS, TABLE_NAMES, CellType, ExportTable, TableSink, Values
 from sleepcast.simulator.recording.recorder import READINGS as READINGS_TOPIC
@@ -132,3 +134,40 @@ def test_a_run_without_readings_has_an_empty_table_of_them(tmp_path: Path) -> No
     tables = kept(recorded(tmp_path, one_picture))
     assert tables.rows[READINGS] == []
     assert list(tables.units(READINGS)) == ["time", "robot"]
+
+
+def test_of_robots_that_come_and_go_there_are_rows_while_they_are_there(tmp_path: Path) -> None:
+    tables = kept(load_recording(flock(tmp_path / "flock.mcap")))
+    for table in ("poses", READINGS):
+        there = [[row[1] for row in tables.rows[table] if row[0] == second] for second in range(5)]
+        assert there == [*THERE], table
+    assert not any(isnan(x) for _, _, x, *_ in tables.rows["poses"] if isinstance(x, float))
+    assert tables.rows["robots"] == [(f"sheep{number}", number, "sheep", 0.1) for number in range(1, 6)]
+    assert tables.rows["turnover"] == [
+        (1.0, "sheep3", True, "sheep1"),
+        (1.0, "sheep4", True, "sheep1"),
+        (2.0, "sheep1", False, ""),
+        (3.0, "sheep5", True, "sheep3"),
+        (4.0, "sheep4", False, ""),
+    ]
+
+
+def test_children_may_be_chosen_by_name(tmp_path: Path) -> None:
+    recording = load_recording(flock(tmp_path / "flock.mcap"))
+    tables = kept(recording, "sheep5", "sheep1")
+    assert [row[:2] for row in tables.rows["poses"]] == [
+        (0.0, "sheep1"),
+        (1.0, "sheep1"),
+        (3.0, "sheep5"),
+        (4.0, "sheep5"),
+    ]
+    assert [row[1] for row in tables.rows["turnover"]] == ["sheep1", "sheep5"]
+    with pytest.raises(MisuseError, match='no robot "sheep6" was recorded'):
+        RecordedRun(recording, ["sheep6"])
+
+
+def test_a_later_part_of_a_recording_knows_who_is_there(tmp_path: Path) -> None:
+    flock(tmp_path / "flock.mcap", rotate="2s")
+    tables = kept(load_recording(tmp_path / "flock-0002.mcap"))
+    assert [row[1] for row in tables.rows["poses"] if row[0] == 2.0] == THERE[2]
+    assert [row[1] for row in tables.rows["turnover"]] == ["sheep5", "sheep4"]

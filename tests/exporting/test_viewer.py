@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from exporting.coming import THERE, flock
 from exporting.recorded import YARD, one_picture, recorded
 from sleepcast.exporting import ExportError, ExportReport, export_recording, viewer
 from sleepcast.exporting.run import PosesEvent, RecordedRun
@@ -135,3 +136,14 @@ def test_without_rerun_a_sentence_says_what_to_do(tmp_path: Path, monkeypatch: p
     with pytest.raises(MissingExtraError, match="written with rerun-sdk, which is not here; to install it: "):
         ViewerFile(tmp_path / "run.rrd", "run")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_robots_that_come_and_go_are_drawn_while_they_are_there(tmp_path: Path) -> None:
+    file = tmp_path / "flock.rrd"
+    export_recording(load_recording(flock(tmp_path / "flock.mcap")), "rrd", file)
+    shown = Shown(file)
+    assert [len(each) for _, each in sorted(shown.rows["/robots positions"])] == [len(each) for each in THERE]
+    labels = dict(shown.rows["/robots labels"])
+    assert [labels[float(second)] for second in range(5)] == [*THERE]
+    assert shown.at("/readings/energy/sheep1 scalars") == [0.0, 1.0]
+    assert shown.at("/readings/energy/sheep5 scalars") == [3.0, 4.0]

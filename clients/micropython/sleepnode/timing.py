@@ -152,6 +152,9 @@ def take_time(node, message, now):
     trip, issued = node.came - node.asked, message[4] // 1000
     if not 0 <= trip <= _LONGEST or (node.whom and message[6] != node.whom):
         return
+    waited = message[8].get("waited")  # s for which the question has waited for its answer
+    if isinstance(waited, float) and 0 <= 1000 * waited <= trip:
+        trip -= int(1000 * waited)
     node.nonce = None
     if node.whom:
         _took(node, message[6], node.came - trip // 2 - issued, trip // 2)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from math import isfinite
 from pathlib import Path
@@ -28,9 +28,11 @@ from sleepcast.loop.rerun import WorldLog
 from sleepcast.simulator import Scenario
 from sleepcast.simulator.recording.json_messages import (
     AccountBody,
+    ArrivalBody,
     FailureBody,
     FailuresBody,
     MarksBody,
+    RobotsBody,
     RuleBody,
     RulesBody,
     StateBody,
@@ -41,12 +43,14 @@ from sleepcast.simulator.recording.recorder import (
     MARKS,
     ONE_FILE,
     READINGS,
+    ROBOTS,
     RULES,
     STATE,
     Recorder,
     Rotation,
     WorldChange,
 )
+from sleepcast.simulator.recording.roster import departures, everybody
 from sleepcast.station import Command, Station
 from sleepcast.station.account import values_in_words
 
@@ -94,6 +98,10 @@ class RecordingWitness:
         self._posted: list[tuple[int, Message]] = []
         self._world = WorldLog(swarm.simulator.world, dict(enumerate(swarm.simulator.scenario.shapes, 1)))
         self._changes: list[WorldChange] = []
+        self._names: Sequence[str] = swarm.simulator.names
+        """Of the robots by row, as they were recorded last."""
+        if swarm.simulator.tick:
+            self._note_everybody(swarm.now())
         self._painter = Painter(recorder, swarm)
         self.ticking()
         self.picture()
@@ -129,7 +137,8 @@ class RecordingWitness:
         for saying in reversed(simulator.sayings):
             if saying.time < now:
                 break
-            self._recorder.log(now, simulator.names[saying.robot], saying.text)
+            self._recorder.log(now, self._names[saying.robot], saying.text)  # who may have gone since
+        self._look_at_robots(now)
         self._look_at_world(simulator.tick, own=True)
         if self._pictures.due(simulator.tick):
             if self._recorder.full(now) and self._recorder.turn(now):
@@ -186,6 +195,7 @@ class RecordingWitness:
             self._recorder.posted(now, tick, message)
         for change in self._changes:
             self._recorder.obstacles(now, change)
+        self._note_everybody(now)
         for index, rules in self._rules.items():
             if rules:
                 self._note_rules(index, now)
@@ -194,6 +204,27 @@ class RecordingWitness:
         self._failing = FailuresBody([])
         self._unmarked = True
         self.look()
+
+    def _look_at_robots(self, now: float) -> None:
+        """Record who has come and gone in this tick."""
+        simulator, turnover, before = self._swarm.simulator, self._swarm.simulator.turnover, self._names
+        if turnover is None:
+            return
+        self._names = names = simulator.names
+        born = zip(turnover.children.tolist(), turnover.numbers.tolist(), turnover.parents.tolist(), strict=True)
+        came = [ArrivalBody(names[row], number + 1, row, before[parent]) for row, number, parent in born]
+        gone = departures(before, turnover.dead.tolist())
+        self._recorder.note(ROBOTS, now, RobotsBody(simulator.tick, came, gone))
+        for row in turnover.changed.tolist():  # what was recorded of this row was said of another robot
+            self._rules.pop(row, None)
+            self._minds[row] = -1
+
+    def _note_everybody(self, now: float) -> None:
+        """Record who is there, where robots come and go."""
+        simulator = self._swarm.simulator
+        if simulator.population is not None:
+            numbers = simulator.population.numbers.tolist()
+            self._recorder.note(ROBOTS, now, everybody(simulator.tick, self._names, numbers))
 
     def _look_at_world(self, tick: int, *, own: bool) -> None:
         """Record which solid things have come, moved or gone, as a `WorldChange`."""
@@ -210,7 +241,7 @@ class RecordingWitness:
         self._recorder.note(READINGS, now, dict(zip(self._sensors, columns, strict=True)))
         self._recorder.note(STATE, now, StateBody(simulator.tick, simulator.state_hash()))
         minds = self._swarm.fleet.state.mind
-        for index in np.flatnonzero(minds != self._minds).tolist():
+        for index in np.flatnonzero((minds != self._minds) & simulator.there).tolist():
             self._look_at_rules(index, now)
         self._minds[...] = minds
 

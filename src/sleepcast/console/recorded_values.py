@@ -114,7 +114,10 @@ class RecordedTelemetry(TelemetryTable):
         if slot == TIME_SLOT:
             return self._time
         if slot == ID:
-            return np.arange(1.0, self._columns.count + 1.0)
+            numbers = self._timeline.numbers
+            if not numbers:
+                return np.arange(1.0, self._columns.count + 1.0)
+            return np.array([numbers.get(name, nan) for name in self._timeline.names_at(self._time)], np.float64)
         values = self._recorded().get(self._names.get(slot, ""), [])
         if len(values) == self._columns.count:
             return np.array(values, np.float64)
@@ -140,7 +143,7 @@ class RecordedValues:
 
     @property
     def names(self) -> Sequence[str]:
-        return self._timeline.scene.names
+        return self._timeline.names_at(self._now())
 
     @property
     def vocabulary(self) -> Vocabulary:

@@ -73,6 +73,7 @@ class ReplayAnswer:
     tick: the moment's
     poses: as in a frame
     marks: groups, flags, the names of the groups, second groups and colours, as in `timeline.RobotMarks`
+    names: of the robots by row, where they come and go
     counts, shown: of the groups
     message: what the page is to be told, as JSON
     state: one that is to be kept
@@ -89,6 +90,7 @@ class ReplayAnswer:
     message: bytes = b""
     state: bytes = b""
     differs: int | None = None
+    names: tuple[str, ...] = ()
     error: str = ""
     ended: bool = False
 

@@ -34,6 +34,8 @@ STATES = ("stopped", "frozen", "sleeping", "marked")
 """The flags of a frame by bit, in words."""
 PICTURE_OVERHEAD = 250
 """Bytes of a picture besides its content: of one robot they are most of it."""
+NAME_SIZE = 8
+"""Bytes of a row in a list of names: most names are in the one before, too."""
 CORNER_SIZE = 150
 """Bytes of a corner of an obstacle."""
 ROW_OVERHEAD = 700
@@ -116,6 +118,8 @@ class Timeline:
     obstacles: what is solid, as in a scene, from the first change on
     failures: the rules that fail
     picture: of the scene
+    names: of the robots by row, "" where none is, from the first change on
+    numbers: the id of each robot by its name, where robots come and go
     field: gives the picture of one of its fields that does not grow
     sight: gives what a robot (by its index) saw at a time, s
     """
@@ -136,6 +140,8 @@ class Timeline:
     reports: dict[str, Track[str]] = field(default_factory=dict)
     obstacles: Track[tuple[tuple[Outline, ...], ...]] = field(default_factory=Track)
     failures: Track[Failures] = field(default_factory=Track)
+    names: Track[tuple[str, ...]] = field(default_factory=Track)
+    numbers: dict[str, int] = field(default_factory=dict)
     picture: Picture | None = None
     field: Callable[[str], FieldPicture] | None = None
     sight: Callable[[float, int], SightView] | None = None
@@ -144,6 +150,10 @@ class Timeline:
         """The marks at `time`; before the first, nobody is in a group."""
         nothing = bytes(len(self.scene.names))
         return self.marks.at(time) or RobotMarks(nothing, nothing, ())
+
+    def names_at(self, time: float) -> tuple[str, ...]:
+        """The names of the robots at `time`, by row."""
+        return self.names.at(time) or self.scene.names
 
     def failures_at(self, time: float) -> Failures:
         """The rules that failed at `time`."""
@@ -165,12 +175,13 @@ class Timeline:
         poses = sum(PICTURE_OVERHEAD + len(data) for _, data in self.poses.values)
         failures = sum(PICTURE_OVERHEAD + each.size for each in self.failures.values)
         marks = sum(each.size for each in self.marks.values)
-        return poses + failures + marks + sum(map(size_of_obstacles, self.obstacles.values[:-1]))
+        names = sum(PICTURE_OVERHEAD + NAME_SIZE * len(each) for each in self.names.values)
+        return poses + failures + marks + names + sum(map(size_of_obstacles, self.obstacles.values[:-1]))
 
     def thin(self, every: int) -> None:
         """Leave out all pictures but the first and those of every so many ticks."""
         self.poses.keep([at for at, (tick, _) in enumerate(self.poses.values) if tick % every == 0 or at == 0])
-        for track in (self.marks, self.failures, self.obstacles):
+        for track in (self.marks, self.failures, self.obstacles, self.names):
             track.keep_seen(self.poses.times)
 
     @property
@@ -235,8 +246,11 @@ def news_of(
         changed = timeline.obstacles.at(time)
         yield outgoing.Obstacles(timeline.scene.obstacles if changed is None else changed)
     yield outgoing.Safety(timeline.latched_at(time), "STOP held at this time.")
-    if 0 <= watched < len(timeline.scene.names):
-        yield _robot(timeline, time, watched, exact)
+    names = exact.names if exact is not None and exact.names else timeline.names_at(time)
+    if timeline.names.times:
+        yield outgoing.Roll(names)
+    if 0 <= watched < len(names) and names[watched]:
+        yield _robot(timeline, time, watched, names[watched], exact)
 
 
 def commands_of(timeline: Timeline, time: float, serial: int | None = None) -> outgoing.Commands:
@@ -250,8 +264,8 @@ def rows_at(timeline: Timeline, time: float) -> dict[str, CommandRow]:
     return {row.id: row for row in rows.values[: rows.before(time)]}
 
 
-def _robot(timeline: Timeline, time: float, index: int, exact: ReplayAnswer | None) -> outgoing.WatchedRobot:
-    name, marks = timeline.scene.names[index], timeline.marks_at(time)
+def _robot(timeline: Timeline, time: float, index: int, name: str, exact: ReplayAnswer | None) -> outgoing.WatchedRobot:
+    marks = timeline.marks_at(time)
     reports, rules = timeline.reports.get(name), timeline.rules.get(name)
     lines: list[outgoing.ShownReport] = []
     if reports is not None:

@@ -37,6 +37,7 @@ from sleepcast.exporting.run import (
     PosesEvent,
     ReadingsEvent,
     RecordedRun,
+    RobotsEvent,
     SolidsEvent,
 )
 from sleepcast.exporting.table_files import MissingExtraError
@@ -171,8 +172,9 @@ class BagSink:
 
     def __init__(self, run: RecordedRun, bag: Bag) -> None:
         self._run, self._bag = run, bag
-        self._robots = list(zip(topic_names(run.chosen_names()).values(), run.chosen.tolist(), strict=True))
-        self.own_topics = len(self._robots) <= MAX_OWN_TOPICS
+        self._topics = topic_names(run.wanted)
+        self._robots = self._there()
+        self.own_topics = len(run.wanted) <= MAX_OWN_TOPICS
         self._sensors = topic_names(run.sensors)
         self._solids: Mapping[int, Shape] | None = None
         """What is to be in the map that is not written yet."""
@@ -195,6 +197,8 @@ class BagSink:
                 for name, robot in self._robots:
                     self._changed(f"/{name}/group", "String", event.time, event.name_of(int(event.group[robot])))
                     self._changed(f"/{name}/stopped", "Bool", event.time, bool(event.flags[robot] & STOPPED))
+            case RobotsEvent():
+                self._robots = self._there()
             case LogLineEvent():
                 self._line(event)
             case CommandEvent(time, _, message):
@@ -206,10 +210,16 @@ class BagSink:
 
     # ---- robots
 
+    def _there(self) -> list[tuple[str, int]]:
+        """The wanted robots that are there: what each is called in topics, and its index."""
+        names = map(self._topics.__getitem__, self._run.chosen_names)
+        return list(zip(names, self._run.chosen.tolist(), strict=True))
+
     def _frames(self, time: float) -> None:
         """Say where frames are that do not move: `odom` begins at `map`, and sonars stand round the rim."""
         fixed = []
-        for name, robot in self._robots:
+        for robot_name, (robot, _) in self._run.wanted.items():
+            name = self._topics[robot_name]
             fixed.append(self._transform(time, MAP, f"{name}/odom", 0.0, 0.0, 0.0))
             spec = self._run.spec(robot)
             for number in range(spec.ring.count if spec.ring else 0):

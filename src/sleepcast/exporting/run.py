@@ -19,7 +19,14 @@ from sleepcast.core.model import Quantity
 from sleepcast.core.version import VERSION
 from sleepcast.simulator.packing import unpack
 from sleepcast.simulator.recording.foxglove import Level, read_colours, read_log, read_poses
-from sleepcast.simulator.recording.json_messages import AccountBody, FailureBody, FailuresBody, MarksBody, RulesBody
+from sleepcast.simulator.recording.json_messages import (
+    AccountBody,
+    FailureBody,
+    FailuresBody,
+    MarksBody,
+    RobotsBody,
+    RulesBody,
+)
 from sleepcast.simulator.recording.recorder import (
     ACCOUNTING,
     FAILING,
@@ -30,13 +37,15 @@ from sleepcast.simulator.recording.recorder import (
     POSES,
     POSTED,
     READINGS,
+    ROBOTS,
     RULES,
     WorldChange,
 )
 from sleepcast.simulator.recording.recording import NoRecordingError, RecordedEntry, Recording, decoded, entries
-from sleepcast.simulator.scenario.population import comes_and_goes
+from sleepcast.simulator.recording.roster import names_after, names_at_first
+from sleepcast.simulator.scenario.population import comes_and_goes, with_room
 from sleepcast.simulator.scenario.robot_settings import RobotSpec
-from sleepcast.simulator.scenario.robot_types import names_of, slices
+from sleepcast.simulator.scenario.robot_types import slices
 from sleepcast.simulator.scenario.sensors import sensors_of, sonar_sensors
 from sleepcast.simulator.world.world import Shape, rows_of
 
@@ -85,6 +94,13 @@ class MarksEvent(NamedTuple):
     def name_of(self, number: int) -> str:
         """The name of a group, "" for none."""
         return self.names[number - 1] if 0 < number <= len(self.names) else ""
+
+
+class RobotsEvent(NamedTuple):
+    """Robots have come and gone: `RecordedRun.chosen` and `RecordedRun.chosen_names` are those that are there now."""
+
+    time: float
+    change: RobotsBody
 
 
 class LogLineEvent(NamedTuple):
@@ -139,6 +155,7 @@ Event: TypeAlias = (
     | ColoursEvent
     | ReadingsEvent
     | MarksEvent
+    | RobotsEvent
     | LogLineEvent
     | CommandEvent
     | OutcomeEvent
@@ -152,28 +169,27 @@ class RecordedRun:
     """A recorded run, and the robots of it that are wanted.
 
     only: their names; empty for all
-    names: of all robots, in the order of arrays
-    chosen: which are wanted, by index
-    specs: the type of each wanted robot
+    names: of all robots that are there at the event that is taken, in the order of arrays, "" where there is none
+    chosen, chosen_names: which of these are wanted, by index, and their names
+    wanted: the index and the number of every robot that is wanted and there at any time, by its name
+    changes: whether robots come and go
 
-    Raises MisuseError for a robot that is not there.
+    Raises MisuseError for a robot that is never there.
     """
 
     def __init__(self, recording: Recording, only: Sequence[str] = ()) -> None:
         scenario = recording.scenario
         self.recording, self.scenario = recording, scenario
-        if comes_and_goes(scenario):
-            raise MisuseError(
-                f"{recording.file}: robots come and go in this run ({scenario.name}), which no exported file tells "
-                "yet. Play it with sleepcast replay, or take fleet.history(...).table() in Python"
-            )
-        self.names = names_of(scenario.each_type, scenario.robots.count)
-        self.all = not only
-        self.chosen = (
-            np.arange(len(self.names)) if self.all else np.array([self._index(name) for name in dict.fromkeys(only)])
-        )
-        self._wanted = frozenset(self.chosen.tolist())
-        parts = zip(scenario.each_type, slices(scenario.each_type, len(self.names)), strict=True)
+        self.changes = comes_and_goes(scenario)
+        self._first = names_at_first(scenario)
+        ever = {name: (row, number) for number, (row, name) in enumerate(_present(self._first), 1)}
+        ever.update({each.robot: (each.row, each.number) for change in recording.robots for each in change.came})
+        for name in only:
+            self._check(name, ever)
+        self.wanted = {name: ever[name] for name in only} if only else ever
+        self._know(self._first)
+        sorts = (with_room(scenario) if self.changes else scenario).each_type
+        parts = zip(sorts, slices(sorts, len(self._first)), strict=True)
         self._types = [(part.stop, spec) for spec, part in parts]
         ring = scenario.robots.ring
         sonars = sonar_sensors(ring, scenario.length_unit) if ring else ()
@@ -185,13 +201,16 @@ class RecordedRun:
         """The type of the robot with this index."""
         return next(spec for stop, spec in self._types if robot < stop)
 
-    def chosen_names(self) -> list[str]:
-        """The names of the wanted robots."""
-        return list(self.names) if self.all else [self.names[robot] for robot in self.chosen.tolist()]
-
     def wants(self, name: str) -> bool:
         """Whether the robot of this name is wanted."""
-        return self.all or self.names.index_of(name) in self._wanted
+        return name in self.wanted
+
+    def _know(self, names: tuple[str, ...]) -> None:
+        """These are there from now on. Those that are wanted keep the order in which they are wanted."""
+        self.names = names
+        there = [(name, row) for name, (row, _) in self.wanted.items() if row < len(names) and names[row] == name]
+        self.chosen_names = [name for name, _ in there]
+        self.chosen = np.array([row for _, row in there], np.intp)
 
     def facts(self) -> dict[str, object]:
         """What describes the run, for the metadata of an export."""
@@ -200,7 +219,7 @@ class RecordedRun:
             "scenario": scenario.name,
             "title": scenario.title,
             "seed": recording.seed,
-            "robots": len(self.names),
+            "robots": sum(map(bool, self._first)),
             "tick": scenario.tick,
             "began": recording.began,
             "seconds": recording.seconds,
@@ -213,6 +232,7 @@ class RecordedRun:
         """All events; None for an entry of the file that holds nothing for any export, so that whoever counts them
         counts all. Raises NoRecordingError."""
         solids = dict(enumerate(self.scenario.shapes, 1))
+        self._know(self._first)
         yield SolidsEvent(self.recording.began, solids, (), solids)
         for entry in entries(self.recording.file, self.recording):
             try:
@@ -224,15 +244,13 @@ class RecordedRun:
                 where = f"{self.recording.file}: {entry.topic} at {entry.time:g} s"
                 raise NoRecordingError(f"{where} holds something else: {str(error)[:300]}") from None
 
-    def _index(self, name: str) -> int:
-        index = self.names.index_of(name)
-        if index is None:
-            known = list(self.names[:100])
+    def _check(self, name: str, ever: Mapping[str, object]) -> None:
+        if name not in ever:
+            known = list(ever)
             raise MisuseError(
-                f'no robot "{name}" was recorded{did_you_mean(name, known)}: there are {len(self.names)}, '
-                f"{self.names[0]} to {self.names[len(self.names) - 1]}"
+                f'no robot "{name}" was recorded{did_you_mean(name, known[:100])}: there are {len(known)}, '
+                f"{known[0]} to {known[-1]}"
             )
-        return index
 
     # ---- one kind of entry each
 
@@ -266,6 +284,11 @@ class RecordedRun:
             raise ValueError(f"marks of {max(map(len, parts))} robots, wanted those of {count}")
         return MarksEvent(entry.time, body.names, *(np.frombuffer(part, np.uint8) for part in parts))
 
+    def _robots(self, entry: RecordedEntry) -> RobotsEvent:
+        change = decoded(RobotsBody, entry.data)
+        self._know(names_after(self.names, change))
+        return RobotsEvent(entry.time, change)
+
     def _line(self, entry: RecordedEntry) -> LogLineEvent:
         name, text, level = read_log(entry.data)
         return LogLineEvent(entry.time, level, name, text)
@@ -289,11 +312,17 @@ class RecordedRun:
         return FailingEvent(entry.time, decoded(FailuresBody, entry.data).rules)
 
 
+def _present(names: Sequence[str]) -> Iterator[tuple[int, str]]:
+    """The rows that have a robot, with its name."""
+    return ((row, name) for row, name in enumerate(names) if name)
+
+
 _MAKERS: dict[str, Callable[[RecordedRun, RecordedEntry], Event | None]] = {
     POSES: RecordedRun._poses,
     POINTS: RecordedRun._colours,
     READINGS: RecordedRun._readings,
     MARKS: RecordedRun._marks,
+    ROBOTS: RecordedRun._robots,
     LOG: RecordedRun._line,
     POSTED: RecordedRun._command,
     ACCOUNTING: RecordedRun._outcome,

@@ -26,6 +26,7 @@ from sleepcast.exporting.run import (
     PosesEvent,
     ReadingsEvent,
     RecordedRun,
+    RobotsEvent,
     RulesEvent,
     SolidsEvent,
 )
@@ -119,6 +120,16 @@ TABLES = (
         ),
     ),
     ExportTable(
+        "turnover",
+        "robots that came and went during the run; other tables have a row of each while it was there",
+        (
+            TIME,
+            ROBOT,
+            ExportColumn("came", CellType.TRUTH, "", "or else it went"),
+            _text("parent", "who has hatched it, empty for none"),
+        ),
+    ),
+    ExportTable(
         "commands",
         "the operator's messages",
         (
@@ -190,24 +201,29 @@ class TableSink:
 
     def __init__(self, run: RecordedRun, writer: TableWriter) -> None:
         self._run, self._writer = run, writer
-        self._names, self._chosen = run.chosen_names(), run.chosen
         self._sensors: tuple[str, ...] | None = None
         self.rows: dict[str, int] = {}
         for table in TABLES:
             self._begin(table)
-        specs = [run.spec(robot) for robot in self._chosen.tolist()]
+        rows, numbers = zip(*run.wanted.values(), strict=True)
+        specs = [run.spec(row) for row in rows]
         types, radii = [spec.type for spec in specs], [spec.geometry.radius for spec in specs]
-        self._add("robots", [self._names, self._chosen + 1, types, radii])
+        self._add("robots", [list(run.wanted), np.array(numbers), types, radii])
 
     def take(self, event: Event) -> None:
         """Write what an event says. Raises ValueError for what fits no table, OSError if it cannot be written."""
         match event:
             case PosesEvent():
-                self._add("poses", [*self._keys(event.time), *event.poses[self._chosen].T])
+                self._add("poses", [*self._keys(event.time), *event.poses[self._run.chosen].T])
             case ReadingsEvent():
                 self._readings(event)
             case MarksEvent():
                 self._marks(event)
+            case RobotsEvent(time, change) if not change.everybody:
+                for came in change.came:
+                    self._came(time, came.robot, True, came.parent)
+                for gone in change.gone:
+                    self._came(time, gone.robot, False, "")
             case CommandEvent():
                 self._command(event)
             case OutcomeEvent(time, told):
@@ -240,14 +256,19 @@ class TableSink:
         self._add(table, [np.array([cell]) if isinstance(cell, float) else [cell] for cell in cells])
 
     def _keys(self, time: float) -> tuple[Values, Values]:
-        return np.full(len(self._names), time), self._names
+        names = self._run.chosen_names
+        return np.full(len(names), time), names
+
+    def _came(self, time: float, robot: str, came: bool, parent: str) -> None:
+        if self._run.wants(robot):
+            self._row("turnover", time, robot, came, parent)
 
     def _readings(self, event: ReadingsEvent) -> None:
         if self._sensors is None:
             self._begin_readings(event.values)
         if tuple(event.values) != self._sensors:
             raise ValueError("readings of other sensors than before")
-        self._add(READINGS, [*self._keys(event.time), *(each[self._chosen] for each in event.values.values())])
+        self._add(READINGS, [*self._keys(event.time), *(each[self._run.chosen] for each in event.values.values())])
 
     def _begin_readings(self, sensors: Iterable[str]) -> None:
         self._sensors = tuple(sensors)
@@ -262,12 +283,12 @@ class TableSink:
 
     def _marks(self, event: MarksEvent) -> None:
         groups = [
-            [event.name_of(number) for number in numbers[self._chosen].tolist()]
+            [event.name_of(number) for number in numbers[self._run.chosen].tolist()]
             for numbers in (event.group, event.second)
         ]
-        flags = event.flags[self._chosen]
+        flags = event.flags[self._run.chosen]
         truths = [(flags & bit).astype(bool) for bit in FLAGS.values()]
-        colours = event.colour[self._chosen].astype(np.int64)
+        colours = event.colour[self._run.chosen].astype(np.int64)
         self._add("marks", [*self._keys(event.time), *groups, colours, *truths])
 
     def _command(self, event: CommandEvent) -> None:

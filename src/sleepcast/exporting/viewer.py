@@ -3,7 +3,7 @@
 world/edge, areas, places, lights   what does not move
 world/walls                         the solid things, whenever they have changed
 robots, robots/headings             points in the colours of groups, and an arrow for each heading
-readings/SENSOR                     a line for each robot
+readings/SENSOR                     a line for each robot; where they come and go, readings/SENSOR/ROBOT
 groups/GROUP                        how many of the robots are in it
 log, commands                       as text
 """
@@ -11,7 +11,7 @@ log, commands                       as text
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from threading import Thread
@@ -30,6 +30,7 @@ from sleepcast.exporting.run import (
     PosesEvent,
     ReadingsEvent,
     RecordedRun,
+    RobotsEvent,
     SolidsEvent,
 )
 from sleepcast.exporting.table_files import MissingExtraError
@@ -167,7 +168,7 @@ class ViewerSink:
 
     def __init__(self, run: RecordedRun, file: ViewerFile) -> None:
         self._run, self._file, self._rerun = run, file, file.rerun
-        self._names, self._size = run.chosen_names(), half_length(run.scenario)
+        self._size = half_length(run.scenario)
         self._named: set[str] = set()
         self._groups: set[str] = set()
         self._waiting = 0
@@ -187,6 +188,8 @@ class ViewerSink:
                     self._readings(sensor, time, each[self._run.chosen])
             case MarksEvent():
                 self._marks(event)
+            case RobotsEvent(time):
+                self._label(time)
             case LogLineEvent(time, level, name, text):
                 log("log", time, rerun.TextLog(f"{name}: {text}", level=LEVELS[level]))
             case CommandEvent(time, _, message):
@@ -213,7 +216,14 @@ class ViewerSink:
                 at, titles = _flat([(each.x, each.y) for each in points]), [each.title for each in points]
                 drawn = rerun.Points3D(at, colors=[_bytes(colour)], labels=titles, radii=[self._size])
                 log(f"world/{entity}", None, drawn)
-        log("robots", None, rerun.Points3D.from_fields(radii=[self._size], labels=self._names, show_labels=False))
+        labels = None if self._run.changes else self._run.chosen_names  # what is said for all times cannot be changed
+        log("robots", None, rerun.Points3D.from_fields(radii=[self._size], labels=labels, show_labels=False))
+        if self._run.changes:
+            self._label(self._run.recording.began)
+
+    def _label(self, time: float) -> None:
+        """Log the names of the robots that are there."""
+        self._file.log("robots", time, self._rerun.Points3D.from_fields(labels=self._run.chosen_names))
 
     def _walls(self, time: float, solids: Mapping[int, Shape]) -> None:
         lines = [line for shape in solids.values() for line in segments(shape)]
@@ -235,10 +245,17 @@ class ViewerSink:
         self._file.log("robots/headings", event.time, arrows)
 
     def _readings(self, sensor: str, time: float, values: NDArray[np.float64]) -> None:
-        entity = f"readings/{self._rerun.escape_entity_path_part(sensor)}"
+        entity, names = f"readings/{self._rerun.escape_entity_path_part(sensor)}", self._run.chosen_names
+        if not self._run.changes:
+            self._lines_of(entity, time, names, values)
+            return
+        for name, value in zip(names, values.tolist(), strict=True):  # a row of many has others in it later
+            self._lines_of(f"{entity}/{self._rerun.escape_entity_path_part(name)}", time, [name], value)
+
+    def _lines_of(self, entity: str, time: float, names: Sequence[str], values: NDArray[np.float64] | float) -> None:
         if entity not in self._named:
             self._named.add(entity)
-            self._file.log(entity, None, self._rerun.SeriesLines(names=self._names))
+            self._file.log(entity, None, self._rerun.SeriesLines(names=names))
         self._file.log(entity, time, self._rerun.Scalars(values))
 
     def _marks(self, event: MarksEvent) -> None:

@@ -74,6 +74,8 @@ class Simulator:
         added = payload.sensors if payload else ()
         self.bodies = Bodies(scenario, self.seed, machine, added, known)
         self.population: Population | None = None
+        self.turnover: Turnover | None = None
+        """Who has come and gone at the end of the last tick; None if nobody has."""
         """Which robots are there, where they come and go."""
         if comes_and_goes(scenario):
             if payload:
@@ -179,6 +181,7 @@ class Simulator:
             self._pinged[turnover.dead] = 0
             if isinstance(self.names, NamesByRow):
                 self.names = self.names.after(turnover.dead, turnover.children, turnover.numbers)
+        self.turnover = turnover
         return turnover
 
     def renumber(self) -> None:

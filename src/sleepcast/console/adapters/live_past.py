@@ -20,7 +20,7 @@ from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.past import AlternateRun, Past
 from sleepcast.console.replay_client import ReplayClient, RerunError, RunMoment
 from sleepcast.console.snapshots import Budget, SnapshotTimer
-from sleepcast.console.timeline import PICTURE_OVERHEAD, RobotMarks, Timeline, size_of_row
+from sleepcast.console.timeline import NAME_SIZE, PICTURE_OVERHEAD, RobotMarks, Timeline, size_of_row
 from sleepcast.core.clock import Clock
 from sleepcast.core.memory import shown_size
 from sleepcast.fleet.marks import GroupCodes, flags_of
@@ -72,7 +72,7 @@ class LivePast(Past):
         timeline.began = old.began
         timeline.poses, timeline.marks = old.poses.until(now), old.marks.until(now)
         timeline.obstacles, timeline.failures = old.obstacles.until(now), old.failures.until(now)
-        timeline.rows = old.rows.until(now)
+        timeline.rows, timeline.names = old.rows.until(now), old.names.until(now)
         self._groups.expect(timeline.marks_at(now).names)
         self._every = before._every
         self._size, self._of_rows = timeline.size_of_pictures, timeline.size_of_rows
@@ -175,7 +175,11 @@ class LivePast(Past):
             timeline.marks.add(now, marks)
             self._size += marks.size
         self.marks.groups(now, self._groups.names, self._groups.counts)
-        self.marks.names(now, self._view.scene.names)
+        names = self._view.scene.names
+        self.marks.names(now, names)
+        if timeline.names_at(now) is not names:
+            timeline.names.add(now, names)
+            self._size += PICTURE_OVERHEAD + NAME_SIZE * len(names)
         rows = self._accounts.rows()
         failures = self._accounts.failing.now
         if timeline.failures_at(now) != failures:

@@ -48,6 +48,9 @@ class RecordedPast(Past):
             self.marks.groups(time, marks.names, counts)
         for time, failures in zip(timeline.failures.times, timeline.failures.values, strict=True):
             self.marks.failing(time, failures.rules)
+        self.marks.names(timeline.began, timeline.scene.names)
+        for time, names in zip(timeline.names.times, timeline.names.values, strict=True):
+            self.marks.names(time, names)
         self.marks.sort()
 
     @property

@@ -20,7 +20,7 @@ from sleepcast.loop.rerun import Inputs
 from sleepcast.simulator import Simulator
 from sleepcast.simulator.packing import unpack
 from sleepcast.simulator.recording.foxglove import read_heights, read_log, read_poses
-from sleepcast.simulator.recording.json_messages import AccountBody, FailuresBody, MarksBody, RulesBody
+from sleepcast.simulator.recording.json_messages import AccountBody, FailuresBody, MarksBody, RobotsBody, RulesBody
 from sleepcast.simulator.recording.recorder import (
     ACCOUNTING,
     FAILING,
@@ -33,6 +33,7 @@ from sleepcast.simulator.recording.recorder import (
     POSES,
     POSTED,
     READINGS,
+    ROBOTS,
     RULES,
     SCENE,
     WorldChange,
@@ -45,6 +46,7 @@ from sleepcast.simulator.recording.recording import (
     decoded,
     entries,
 )
+from sleepcast.simulator.recording.roster import names_after, names_at_first
 
 MAX_TIMELINE = 2_147_483_648
 """Bytes of poses, readings and the like that are held in memory: ten hours of `bravo` at the usual rates."""
@@ -63,7 +65,8 @@ class TimelineBuilder:
         picture = scenario.picture
         if picture is not None:  # only its name is recorded: it may lie beside the recording
             picture = existing(replace(picture, file=recording.file.parent / picture.file.name))
-        scene = scene_of(replace(scenario, commands=(), picture=picture), tuple(simulator.names))
+        self._names = names_at_first(scenario)
+        scene = scene_of(replace(scenario, commands=(), picture=picture), self._names)
         units = {sensor.name: sensor.shown_unit for sensor in simulator.model.sensors}
         part = recording.part if recording.part > 1 or recording.following else 0
         vocabulary = vocabulary_of(simulator.model)
@@ -71,6 +74,8 @@ class TimelineBuilder:
         self.timeline = Timeline(
             scene, recording.seconds, scenario.speed_up, units, vocabulary, kinds, recording.began, part
         )
+        if simulator.population is not None:
+            self.timeline.numbers = {name: number for number, name in enumerate(filter(None, self._names), 1)}
         self.timeline.picture = None if picture is None else picture.png
         self.timeline.field = cache(partial(still_picture, scenario))  # the same at any time, for any question
         self._solids = dict(enumerate(scenario.shapes, 1))
@@ -95,6 +100,8 @@ class TimelineBuilder:
             z = read_heights(data, self._count) if self._flies else None
             x, y, heading = read_poses(data, self._count).T
             timeline.poses.add(time, (round(time / self._tick), packed_poses(x, y, heading, z)))
+            if timeline.names_at(time) is not self._names:
+                timeline.names.add(time, self._names)
         elif entry.topic == MARKS:
             marks = decoded(MarksBody, data)
             for each in (marks.groups, marks.flags, marks.second or marks.groups, marks.colours or marks.groups):
@@ -115,6 +122,10 @@ class TimelineBuilder:
             timeline.failures.add(time, self._failures(decoded(FailuresBody, data)))
         elif entry.topic == RULES:
             self._keep(time, decoded(RulesBody, data))
+        elif entry.topic == ROBOTS:
+            change = decoded(RobotsBody, data)
+            self._names = names_after(self._names, change)
+            timeline.numbers.update({each.robot: each.number for each in change.came})
         elif entry.topic == OBSTACLES:
             self._change(time, unpack(WorldChange, data))
         elif entry.topic == LOG:

@@ -156,7 +156,8 @@ class ReplayWorker:
         news = run.backend.news(robot) if robot >= 0 else ()
         watched = next((encode(each) for each in news if isinstance(each, outgoing.WatchedRobot)), b"")
         counts, shown = tuple(groups.counts), tuple(groups.shown)
-        return ReplayAnswer(view.tick, view.poses(), marks, counts, shown, watched, differs=run.differs)
+        names = view.scene.names if run.swarm.simulator.population is not None else ()
+        return ReplayAnswer(view.tick, view.poses(), marks, counts, shown, watched, differs=run.differs, names=names)
 
     def _at(self, name: str, question: Question) -> RerunSwarm:
         """The swarm at the moment of a question."""

@@ -145,6 +145,31 @@ class ObstaclesBody(msgspec.Struct, rename={"type_of": "type of"}):
     own: Annotated[bool, Meta(description="whether the scenario itself caused it")]
 
 
+class ArrivalBody(msgspec.Struct, omit_defaults=True):
+    """A robot that has come."""
+
+    robot: str
+    number: Annotated[int, Meta(ge=1, description="its id, which none has a second time")]
+    row: Annotated[int, Meta(ge=0, description="its place in lists of all robots, from 0")]
+    parent: Annotated[str, Meta(description="who has hatched it; missing if nobody has")] = ""
+
+
+class DepartureBody(msgspec.Struct):
+    """A robot that has gone."""
+
+    robot: str
+    row: Annotated[int, Meta(ge=0, description="its place in lists of all robots, from 0")]
+
+
+class RobotsBody(msgspec.Struct, omit_defaults=True):
+    """Robots that have come and gone at the end of a tick."""
+
+    tick: _Tick
+    came: list[ArrivalBody]
+    gone: list[DepartureBody]
+    everybody: Annotated[bool, Meta(description="whether all that there are have come: nobody else is there")] = False
+
+
 def schema_of(body: type[msgspec.Struct]) -> Schema:
     """The JSON schema of a class of this module."""
     (schema,), definitions = msgspec.json.schema_components([body], ref_template="{name}")

@@ -10,6 +10,7 @@
     /rules                JSON                    the expressions stored on a robot, whenever they have changed
     /failing              JSON                    the rules that fail, and on which robots, whenever that has changed
     /sleepcast/marks      JSON                    groups and flags of the robots, whenever they may have changed
+    /sleepcast/robots     JSON                    robots that come and go, with their rows, and who has hatched them
     /sleepcast/posted     JSON                    every message of the operator, and the tick in which it was sent
     /sleepcast/state      JSON                    the hash of the state, with its tick
     /sleepcast/obstacles  JSON                    solid things added, moved or removed, and before which tick
@@ -23,8 +24,8 @@ the file are simulated, from 0.
 
 A long recording may be split into parts (`Rotation`): run.mcap, run-0002.mcap, run-0003.mcap ... Each can be read on
 its own: its metadata give its number and start time, and it begins with everything earlier that still matters: every
-posted message, the solid things, accounts, rules, marks, poses and readings. The metadata `following` at its end
-name the next part.
+posted message, who is there, the solid things, accounts, rules, marks, poses and readings. The metadata `following` at
+its end name the next part.
 
 Messages are buffered in memory and written to the file in whole chunks: every `CHUNK` bytes, and every
 `FLUSH_PERIOD` of real time by a thread. A process that is killed loses no more than that. If the file cannot be
@@ -65,6 +66,7 @@ from sleepcast.simulator.recording.json_messages import (
     ObstaclesBody,
     PostedBody,
     RecordedMessage,
+    RobotsBody,
     RulesBody,
     StateBody,
     readings,
@@ -91,7 +93,7 @@ NANO = 1_000_000_000
 POSES, POINTS, SCENE, GROUPS, LOG = "/poses", "/points", "/scene", "/groups", "/log"
 READINGS, ACCOUNTING, RULES, FAILING = "/readings", "/accounting", "/rules", "/failing"
 MARKS, POSTED, STATE = "/sleepcast/marks", "/sleepcast/posted", "/sleepcast/state"
-OBSTACLES = "/sleepcast/obstacles"
+OBSTACLES, ROBOTS = "/sleepcast/obstacles", "/sleepcast/robots"
 ABOUT, FOLLOWING, SCENARIO, SNAPSHOT = "sleepcast", "following", "scenario", "snapshot"
 """The names of the metadata at the start, of those at the end of a part that is not the last, and of attachments."""
 MAX_RECORD = 64 * 1_048_576
@@ -214,6 +216,7 @@ class Recorder:
             POSTED: ("Posted", schema_of(PostedBody)),
             STATE: ("State", schema_of(StateBody)),
             OBSTACLES: ("Obstacles", schema_of(ObstaclesBody)),
+            ROBOTS: ("Robots", schema_of(RobotsBody)),
         }
         if rotation != ONE_FILE and (second := part_file(file, 2)).exists():
             raise MisuseError(f"{second} already exists: choose another name")

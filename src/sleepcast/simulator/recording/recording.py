@@ -29,6 +29,7 @@ from sleepcast.core.files import open_file
 from sleepcast.core.records import dataclass
 from sleepcast.core.serial import SerialError
 from sleepcast.simulator.packing import unpack
+from sleepcast.simulator.recording.json_messages import RobotsBody
 from sleepcast.simulator.recording.recorder import (
     ABOUT,
     ACCOUNTING,
@@ -38,6 +39,7 @@ from sleepcast.simulator.recording.recorder import (
     NANO,
     OBSTACLES,
     POSTED,
+    ROBOTS,
     SCENARIO,
     SNAPSHOT,
     STATE,
@@ -104,6 +106,7 @@ class Recording:
         record
     posted: in order, including earlier parts
     obstacles: likewise
+    robots: who has come and gone
     states: hash of the state by tick
     accounting: the last account of each command by its id
     counts: messages by topic
@@ -122,6 +125,7 @@ class Recording:
     snapshot: bytes = b""
     posted: list[Posted] = field(default_factory=list)
     obstacles: list[WorldChange] = field(default_factory=list)
+    robots: list[RobotsBody] = field(default_factory=list)
     states: dict[int, str] = field(default_factory=dict)
     accounting: dict[str, dict[str, object]] = field(default_factory=dict)
     counts: dict[str, int] = field(default_factory=dict)
@@ -156,13 +160,15 @@ def load_recording(file: Path) -> Recording:
 def _take(recording: Recording, entry: RecordedEntry, stored_bytes: dict[str, int]) -> None:
     """Store the contents of an entry, if its topic is used here. stored_bytes: "" for all, and by command, since only
     its last account is stored."""
-    if entry.topic in (OBSTACLES, POSTED, STATE):
+    if entry.topic in (OBSTACLES, POSTED, STATE, ROBOTS):
         stored_bytes[""] = stored_bytes.get("", 0) + len(entry.data)
     if entry.topic == OBSTACLES:
         change = unpack(WorldChange, entry.data)
         if not all(name.isascii() and name.isdigit() and len(name) < 20 for name in change.put):
             raise ValueError("a solid thing without a number")
         recording.obstacles.append(change)
+    if entry.topic == ROBOTS:
+        recording.robots.append(decoded(RobotsBody, entry.data))
     if entry.topic == ACCOUNTING:
         account = decoded(dict[str, object], entry.data)
         command = str(account["command"])

@@ -20,7 +20,7 @@ import sys
 import time
 from contextlib import suppress
 from io import FileIO
-from math import atan, cos, degrees, pi, radians, sin
+from math import atan, cos, degrees, inf, pi, radians, sin
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -33,6 +33,9 @@ TYPES = {"rover": 10, "copter": 2, "plane": 1}
 LAND = 9
 AUTO, LOITER, TAKEOFF = 10, 12, 13
 """Modes of a plane."""
+AUTOS = {"rover": 10, "copter": 3, "plane": AUTO}
+ROOM, AGAIN = 700, 1.0
+"""Items of a mission, and seconds after which an item that has not come is asked for again."""
 AIRSPEEDS, PACE, TIGHTEST, RADIUS = (9.0, 22.0), 15.0, 40.0, 60.0
 """m/s that a plane accepts, and flies at first; m: radius of its turns, and of its circles."""
 GROUND = 120.0
@@ -57,6 +60,12 @@ class Vehicle:
         self.refuse: set[int] = set()
         self.deaf: set[int] = set()
         self.fastest = PACE if kind == "plane" else 9.0
+        self.stored: dict[int, list[Any]] = {0: [], 1: []}
+        """Items of its mission and of its fence, as they were written."""
+        self.upload: tuple[int, int] | None = None
+        """What is being written, and how many items."""
+        self.forgets = 0
+        """How many of the next messages about missions it loses."""
         self.lands = False
         """Whether the mission of a plane has a landing."""
         self.reboot()
@@ -67,6 +76,7 @@ class Vehicle:
         self.target: tuple[float, float, float] | None = None
         self.radius = RADIUS
         self.rising: float | None = None
+        self.item, self.ask_at, self.reports = 0, inf, list[Any]()
         self.due = dict.fromkeys(("heartbeat", "position", "state"), 0.0)
         self.mav = dialect.MAVLink(None, SYSTEM, 1)
         self.mav.robust_parsing = True
@@ -90,6 +100,11 @@ class Vehicle:
             if not result:
                 self.do(message)
             return [self.mav.command_ack_encode(message.command, result)]
+        if kind.startswith("MISSION_"):
+            if self.forgets > 0:
+                self.forgets -= 1
+                return []
+            return self.exchange(kind, message)
         if kind.startswith("SET_POSITION_TARGET") and self.mode == GUIDED[self.kind] and self.armed:
             self.rest_at, self.target, self.rising = self.time + LATE, None, None
             if kind.endswith("LOCAL_NED"):
@@ -98,6 +113,55 @@ class Vehicle:
             else:
                 self.target = message.lat_int / 1e7, message.lon_int / 1e7, message.alt
         return []
+
+    # ---- missions and fences, as ArduPilot has them
+
+    def exchange(self, kind: str, message: Any) -> list[Any]:
+        """Its answers to the mission protocol. It asks with MISSION_REQUEST, is told with MISSION_ITEM_INT, and says of
+        a repeated item that it is out of order."""
+        to, of = (message.get_srcSystem(), message.get_srcComponent()), message.mission_type
+        if kind == "MISSION_COUNT":
+            if message.count > ROOM:
+                return [self.mav.mission_ack_encode(*to, 4, of)]
+            self.upload, self.stored[of] = (of, message.count), []
+            return self.ask_for_item()
+        if kind == "MISSION_ITEM_INT":
+            if self.upload is None or message.seq != len(self.stored[of]):
+                return [self.mav.mission_ack_encode(*to, 13, of)]
+            self.stored[of].append(message)
+            if len(self.stored[of]) < self.upload[1]:
+                return self.ask_for_item()
+            self.upload, self.ask_at = None, inf
+            return [self.mav.mission_ack_encode(*to, 0, of)]
+        if kind == "MISSION_REQUEST_LIST":
+            return [self.mav.mission_count_encode(*to, len(self.stored[of]), of)]
+        if kind == "MISSION_REQUEST_INT":
+            m = self.stored[of][message.seq]
+            parameters = m.param1, m.param2, m.param3, m.param4, m.x, m.y, m.z
+            return [self.mav.mission_item_int_encode(*to, message.seq, m.frame, m.command, 0, 1, *parameters, of)]
+        return []
+
+    def ask_for_item(self) -> list[Any]:
+        if self.upload is None:
+            return []
+        self.ask_at = self.time + AGAIN
+        return [self.mav.mission_request_encode(255, 190, len(self.stored[self.upload[0]]), self.upload[0])]
+
+    def go_to_item(self) -> None:
+        """In AUTO: on to the place of the present item, or to the next one."""
+        while self.mode == AUTOS[self.kind] and 0 < self.item < len(self.stored[0]):
+            m = self.stored[0][self.item]
+            if m.command in (16, 17, 18, 19, 20, 21, 22, 82):
+                at = (m.x / 1e7, m.y / 1e7) if m.x or m.y else (self.latitude, self.longitude)
+                at = HOME if m.command == 20 else at
+                height = 0.0 if self.kind == "rover" or m.command == 21 else m.z or self.height
+                self.target = (*at, height)
+                _, _, far = EARTH.inv(self.longitude, self.latitude, at[1], at[0])
+                near = self.radius + 20.0 if self.kind == "plane" else 1.0
+                if far > near or abs(self.height - height) > 0.5:
+                    return
+                self.reports.append(self.mav.mission_item_reached_encode(self.item))
+            self.item += 1
 
     def change_mode(self, mode: int) -> None:
         """As its pilot does with a switch, too, or its own failsafe."""
@@ -118,7 +182,9 @@ class Vehicle:
         if self.kind == "plane":
             at = message.param1 == 0.0 and AIRSPEEDS[0] <= message.param2 <= AIRSPEEDS[1]
             follows = self.mode == GUIDED["plane"]
-            return not {178: at and follows, 192: follows, 189: self.lands, 22: False}.get(message.command, True)
+            return not {178: at and (follows or self.mode == AUTO), 192: follows, 189: self.lands, 22: False}.get(
+                message.command, True
+            )
         if message.command == 22:
             return self.mode != GUIDED[self.kind] or not self.armed or self.flies
         return message.command == 400 and message.param1 == 1.0 and (self.kind, self.mode) == ("copter", LAND)
@@ -132,6 +198,10 @@ class Vehicle:
             self.fastest = message.param2
         elif message.command == 22:
             self.rising = message.param7
+        elif message.command == 224:
+            self.item = int(message.param1)
+        elif message.command == 300:
+            self.change_mode(AUTOS[self.kind])
         elif message.command == 192:
             self.target, self.radius = (message.x / 1e7, message.y / 1e7, message.z), message.param3
         elif message.command == 189:
@@ -143,6 +213,10 @@ class Vehicle:
     def advance(self, seconds: float) -> list[bytes]:
         """What it says on the way."""
         self.time += seconds
+        if self.time >= self.ask_at:
+            self.reports += self.ask_for_item()
+        if self.armed:
+            self.go_to_item()
         if self.kind == "plane":
             self.fly(seconds)
             return self.go(seconds)
@@ -166,7 +240,8 @@ class Vehicle:
         if not self.armed:
             self.forward = 0.0
             return
-        if self.mode == TAKEOFF and not self.flies:
+        takes_off = self.mode == AUTO and self.item and self.stored[0][self.item : self.item + 1]
+        if (self.mode == TAKEOFF or takes_off) and not self.flies:
             self.forward, self.target = self.fastest, (*self.ahead(200.0), 50.0)
             self.height = 0.1
         if self.target is None or not self.flies:
@@ -177,7 +252,7 @@ class Vehicle:
         most = self.fastest / TIGHTEST
         self.turn = max(-most, min(most, aside / max(seconds, 0.01)))
         self.climb = max(-VERTICALLY, min(VERTICALLY, (self.target[2] - self.height) / max(seconds, 0.01)))
-        if self.mode == AUTO and self.height < 0.5:
+        if self.mode == AUTO and self.height < 0.5 and self.target[2] <= 0.0:
             self.armed, self.height, self.forward = False, 0.0, 0.0
 
     def ahead(self, far: float) -> tuple[float, float]:
@@ -195,7 +270,7 @@ class Vehicle:
         return [self.pack(each) for each in self.say()]
 
     def say(self) -> list[Any]:
-        said = []
+        said, self.reports = self.reports, []
         for what, every in (("heartbeat", 1.0), ("position", 0.05), ("state", 0.25)):
             if self.time >= self.due[what] - 1e-9:
                 self.due[what] = self.time + every
@@ -222,8 +297,18 @@ class Vehicle:
         return [
             self.mav.sys_status_encode(0, 0, 0, 0, 12_600, -1, 80, 0, 0, 0, 0, 0, 0),
             self.mav.gps_raw_int_encode(0, 3, 0, 0, 0, 0, 0, 0, 0, 11),
+            self.mav.mission_current_encode(self.item, len(self.stored[0]), self.mission_state()),
+            self.mav.home_position_encode(
+                *(round(each * 1e7) for each in HOME), round(GROUND * 1e3), *(0,) * 3, [0] * 4, *(0,) * 3
+            ),
             *([self.mav.extended_sys_state_encode(0, self.landed())] if self.kind != "rover" else []),
         ]
+
+    def mission_state(self) -> int:
+        """Not started, active, or complete."""
+        if self.item and self.item >= len(self.stored[0]):
+            return 5
+        return 3 if self.mode == AUTOS[self.kind] else 2
 
     def landed(self) -> int:
         """As ArduPilot's copters tell it: on the ground, in the air, taking off, landing."""

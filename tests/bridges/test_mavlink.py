@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from math import inf, isnan, nan, pi
 from pathlib import Path
@@ -26,6 +26,7 @@ from sleepcast.bridges.body import ROUND, UNATTENDED, BridgedBody
 from sleepcast.bridges.mavlink.link import MavlinkConnection
 from sleepcast.bridges.mavlink.model import COPTER, PLANE, ROVER
 from sleepcast.bridges.mavlink.plane import MavlinkPlane
+from sleepcast.bridges.mavlink.plans import Plan
 from sleepcast.bridges.mavlink.vehicle import OTHERS, MavlinkVehicle
 from sleepcast.channel import Kind, Message
 from sleepcast.core.clock import ManualClock
@@ -86,6 +87,7 @@ class MavlinkRig(BridgeRig):
         failsafe: str = "LOITER",
         vehicle: Vehicle | None = None,
         altitude: float = nan,
+        plans: Sequence[Plan] = (),
     ) -> None:
         self.vehicle, clock = vehicle or Vehicle(kind, KEY), ManualClock(1_000.0)
         self.loop, self.time = Loop(self.vehicle), clock
@@ -93,7 +95,7 @@ class MavlinkRig(BridgeRig):
         link = MavlinkConnection(self.loop, 255, 190, key)
         body, limits = (MavlinkPlane, OF_PLANES) if kind == "plane" else (MavlinkVehicle, LIMITS)
         self.vehicle_body = body(
-            link, 1, modes, limits, failsafe=failsafe, origin=Origin(*HOME), altitude=altitude, clock=clock
+            link, 1, modes, limits, failsafe=failsafe, origin=Origin(*HOME), altitude=altitude, plans=plans, clock=clock
         )
 
         def switch(whole: bool) -> Callable[[], None]:

@@ -16,10 +16,9 @@ from bridges.mind import Mind
 from bridges.test_mavlink import MavlinkRig, Process, Ticks
 from processes import live_in
 from sleepcast.bridges import open_robot
-from sleepcast.bridges.body import FencedError
 from sleepcast.bridges.mavlink.model import PLANE
 from sleepcast.core.errors import MisuseError
-from sleepcast.robot import Limits
+from sleepcast.robot import FencedError, Limits
 
 FENCE = (-200.0, -200.0, 400.0, 200.0)
 OVER = 8.0

@@ -18,16 +18,17 @@ from sleepcast.channel import Kind, Message
 from sleepcast.channel.envelope import look
 from sleepcast.channel.message import TELEMETRY, Inspection
 from sleepcast.cli.watch import Window
+from sleepcast.console import NamedOutline
 from sleepcast.console import Scene as Ground
 from sleepcast.console.adapters.channel import EMPTY, FleetAdapter, FleetMinds
 from sleepcast.console.frames import places_of
 from sleepcast.console.network import NetworkBackend
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import SleepcastError
-from sleepcast.core.model import Constant, HostFunction, Quantity
+from sleepcast.core.model import Constant, HostFunction, MapOutline, Quantity
 from sleepcast.language import Vocabulary
 from sleepcast.language.explain import Explanation, Step
-from sleepcast.mind.telemetry import TelemetryError, digest, read_why, why_text
+from sleepcast.mind.telemetry import TelemetryError, digest, read_vocabulary, read_why, vocabulary_text, why_text
 from sleepcast.node.node import Node
 from sleepcast.station import Station
 from sleepcast.station.cache import TelemetryCache
@@ -563,6 +564,40 @@ def test_the_page_shows_how_high_robots_say_they_are() -> None:
     scene.run(1.0)
     fleet.hear()
     assert sorted(places_of(fleet.poses(), 2).T.tolist()) == [[0.0, 0.5, 0.5], [1.0, 0.5, 0.5]]
+
+
+WAY, FENCE = (
+    MapOutline("survey", ((1.0, 2.0), (30.0, 4.0)), False),
+    MapOutline("fence1", ((0.0, 0.0), (9.0, 0.0), (9.0, 9.0)), True),
+)
+
+
+def test_the_page_draws_what_robots_tell_of_their_fences_and_plans() -> None:
+    axes = tuple(Quantity(axis, "m") for axis in "xy")
+    scene = Scene(robots=2, vocabulary=Vocabulary("copter", sensors=axes, outlines=(WAY, FENCE)))
+    desk, telemetry = looking(scene)
+    yard = NamedOutline("yard", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))
+    ground = Ground("air", "", "robots", (), EMPTY, "m", (), areas=(yard,))
+    fleet = FleetAdapter(desk, telemetry, ground, 1.0, START)
+    for _ in range(3):  # they are asked, and answer
+        scene.run(1.0)
+        fleet.hear()
+    assert fleet.scene.areas == (yard, NamedOutline("survey", WAY.points, False), NamedOutline("fence1", FENCE.points))
+    assert fleet.scene.area[2] > 30.0, "the way lies on the map"
+
+
+@pytest.mark.parametrize(
+    "sent", [["a b", [0.0, 0.0], False], ["a", [0.0], False], ["a", [1e9, 0.0], True], ["a", [0.0] * 402, True]]
+)
+def test_an_outline_that_is_none_is_refused(sent: list[object]) -> None:
+    text = vocabulary_text(Vocabulary("copter", outlines=(WAY,)))
+    assert read_vocabulary(text).outlines == (WAY,)
+    with pytest.raises(TelemetryError):
+        read_vocabulary(text.replace('["survey",[1.0,2.0,30.0,4.0],false]', json.dumps(sent)))
+
+
+def test_robots_without_outlines_say_what_they_always_said() -> None:
+    assert "outlines" not in vocabulary_text(Vocabulary("copter"))
 
 
 def test_a_rule_that_robots_have_deactivated_is_known_until_their_telemetry_says_otherwise() -> None:

@@ -197,7 +197,7 @@ class BridgedBody(ABC):
     def narrow(self, limits: Limits) -> None:
         """Keep these limits, too. Raises MisuseError for one that this body cannot keep."""
         names = {sensor.name for sensor in self.model.sensors}
-        if limits.fence is not None and not {"x", "y", "heading", "speed", "turn_rate"} <= names:
+        if limits.are_fenced and not {"x", "y", "heading", "speed", "turn_rate"} <= names:
             raise MisuseError(f"a {self.model.name} does not know where it is, so it cannot keep within a fence")
         if limits.least_range > 0.0 and not self.measures_ranges:
             raise MisuseError(f"a {self.model.name} has no range sensors, so it cannot keep a range to anything")
@@ -377,7 +377,7 @@ class BridgedBody(ABC):
 
     def keep_its_place(self) -> None:
         """A fence means nothing to a body that can be talked into being elsewhere. Raises FencedError."""
-        if self.model.limits.fence is not None:
+        if self.model.limits.are_fenced:
             raise FencedError("this robot is kept within a fence, so its position may not be set")
 
     def rest(self) -> None:
@@ -479,7 +479,7 @@ class BridgedBody(ABC):
         x, y, heading, speed, turning = (known.get(n, nan) for n in ("x", "y", "heading", "speed", "turn_rate"))
         wanted, turn = course
         side = motion.values[2] if self._hovers else 0.0
-        if self.model.limits.fence is not None and isnan(x + y + heading):
+        if self.model.limits.are_fenced and isnan(x + y + heading):
             return "it does not know where it is, and has a fence" if wanted or side else ""
         turn = max(abs(turn), 0.0 if isnan(turning) else abs(turning))
         going = self.model.limits.speed if isnan(speed) else speed
@@ -508,7 +508,7 @@ class BridgedBody(ABC):
         ahead = (x, y, heading + way), going, wanted, turn, LAG, lambda a, b: self.nearest(way + a, way + b)
         if self.model.limits.may_go_on(*ahead):
             return ""
-        if not replace(self.model.limits, fence=None).may_go_on(*ahead):
+        if not self.model.limits.without_fence.may_go_on(*ahead):
             return f"less than its least range of {self.model.limits.least_range:g} m is known to be free ahead"
         return "its fence is ahead"
 

@@ -33,11 +33,12 @@ class MapLabel(msgspec.Struct, frozen=True):
 Outline = tuple[tuple[float, float], ...]
 
 
-class NamedOutline(msgspec.Struct, frozen=True):
-    """A named area by the corners of its outline, (x, y) in m."""
+class NamedOutline(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A named area by the corners of its outline, (x, y) in m, or a way, which is not closed."""
 
     name: str
     corners: Outline
+    closed: bool = True
 
 
 class ShownSlider(msgspec.Struct, frozen=True):
@@ -93,7 +94,7 @@ class Scene(msgspec.Struct, frozen=True):
     sizes: how many robots have bodies of which radius (m), in the order of their indices
     kinds: what those of each size are called, empty where all are of one kind
     places, lights: where they are, with their names
-    areas: those that robots know by name from the start
+    areas: those that robots know by name from the start, and ways
     obstacles: each is what lies inside an odd number of its closed outlines, lists of corners (x, y) in m
     version: of the obstacles, where people may change them; else None
     commands: ready-made ones

@@ -63,6 +63,15 @@ class NamedArea:
         return len(self.sizes) == 3
 
 
+class MapOutline(NamedTuple):
+    """What is drawn on maps under a name, as a line through points, m of the robots' frame. closed: back to the first
+    one, around an area; else it is a way."""
+
+    name: str
+    points: tuple[tuple[float, float], ...]
+    closed: bool
+
+
 class NativeCall(NamedTuple):
     """How native code calls a function that only senses, for some robots at once; addresses.
 

@@ -467,6 +467,7 @@ BODY_WORDS = {
     "scan-min": "have no laser scanner",
     "scan-gap": "have no laser scanner",
     "sees": "have no camera",
+    "plan": "have no plans",
     **dict.fromkeys(sorted(POPULATION), "neither hatch nor die"),
 }
 """Functions of a robot's own software that came after 0.2.0, and what is true of robots without them. Their names give

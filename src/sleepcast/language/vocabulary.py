@@ -16,7 +16,7 @@ from enum import Enum
 from typing import TypeVar
 
 from sleepcast.core.errors import MisuseError
-from sleepcast.core.model import Constant, HostFunction, NamedArea, Quantity
+from sleepcast.core.model import Constant, HostFunction, MapOutline, NamedArea, Quantity
 from sleepcast.core.records import dataclass
 from sleepcast.core.units import NONE
 from sleepcast.language.functions import BODY_WORDS, BUILT_IN, CHOOSING, FUNCTIONS, NEIGHBOURS, PRIORITY, TIMED
@@ -112,7 +112,7 @@ def rule_key(name: str) -> str:
 @dataclass(eq=False)
 class Vocabulary:
     """The names of one type of robot; see the module. Sensors and actuators keep the order they are given in. areas:
-    what its robots have learned from the start. forms: see `NEW_FORMS`."""
+    what its robots have learned from the start. forms: see `NEW_FORMS`. outlines: what maps show of these robots."""
 
     name: str = "robot"
     sensors: tuple[Quantity, ...] = ()
@@ -122,6 +122,7 @@ class Vocabulary:
     functions: tuple[HostFunction, ...] = ()
     areas: tuple[NamedArea, ...] = ()
     forms: frozenset[str] = NEW_FORMS
+    outlines: tuple[MapOutline, ...] = ()
     bindings: dict[str, Binding] = field(default_factory=dict, init=False)
     user_slots: dict[str, int] = field(default_factory=dict, init=False)
     _first: Vocabulary | None = field(default=None, init=False)

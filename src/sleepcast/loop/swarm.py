@@ -605,4 +605,5 @@ def vocabulary_of(model: RobotModel) -> Vocabulary:
         constants=tuple(constants),
         functions=model.functions,
         areas=model.areas,
+        outlines=model.outlines,
     )

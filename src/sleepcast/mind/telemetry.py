@@ -26,7 +26,7 @@ from weakref import WeakKeyDictionary
 import msgspec
 
 from sleepcast.channel.message import MAX_TEXT
-from sleepcast.core.model import Constant, HostFunction, NeighbourSensor, Quantity, RestState
+from sleepcast.core.model import Constant, HostFunction, MapOutline, NeighbourSensor, Quantity, RestState
 from sleepcast.core.neighbours import NEAREST_ID, field_named
 from sleepcast.core.serial import UNREADABLE
 from sleepcast.core.units import UNITS, Dimension
@@ -54,6 +54,8 @@ MAX_DOC = 200
 """Characters of a name's description in a vocabulary."""
 STEPS_SENT = (250, 60, 15, 1)
 """Parts of an explained expression that are sent: the first number for which they fit into a message."""
+MAX_OUTLINES, MAX_COORDINATES, FARTHEST = 96, 400, 1e7
+"""Outlines of one type, numbers of each, two a point; and m from the origin within which they lie."""
 MAX_STEP_TEXT = 120
 """Characters of the text of one part."""
 MAX_EXPONENT = 9
@@ -69,6 +71,7 @@ Name = Annotated[str, msgspec.Meta(min_length=1, max_length=64)]
 Words = Annotated[str, msgspec.Meta(max_length=1_024)]
 Text = Annotated[str, msgspec.Meta(max_length=16_384)]
 Exponents = tuple[int, int, int]
+Coordinates = Annotated[list[float], msgspec.Meta(max_length=MAX_COORDINATES)]
 Motion = tuple[float | None, float | None]
 """Speed, m/s, and how far the body still goes, m; None for unknown."""
 
@@ -161,7 +164,7 @@ class FunctionRecord(msgspec.Struct, array_like=True):
 class VocabularyRecord(msgspec.Struct, omit_defaults=True):
     """See `Vocabulary`. forms: forms and parts of forms that robots of 0.2.0 do not have, and that these robots know.
     neighbours: what their neighbours show, by name, each with its unit. numbers: functions whose name alone is a
-    number, see `HostFunction.value`."""
+    number, see `HostFunction.value`. outlines: see `MapOutline`: name, x and y of the points, closed."""
 
     name: Words
     sensors: Annotated[list[QuantityRecord], msgspec.Meta(max_length=MAX_NAMES)]
@@ -171,6 +174,7 @@ class VocabularyRecord(msgspec.Struct, omit_defaults=True):
     forms: Annotated[list[Name], msgspec.Meta(max_length=MAX_NAMES)] = []
     neighbours: Annotated[list[tuple[Name, str]], msgspec.Meta(max_length=MAX_NAMES)] = []
     numbers: Annotated[list[tuple[Name, float]], msgspec.Meta(max_length=MAX_NAMES)] = []
+    outlines: Annotated[list[tuple[Name, Coordinates, bool]], msgspec.Meta(max_length=MAX_OUTLINES)] = []
 
     @classmethod
     def of(cls, vocabulary: Vocabulary, doc: int) -> VocabularyRecord:
@@ -183,6 +187,7 @@ class VocabularyRecord(msgspec.Struct, omit_defaults=True):
             sorted(vocabulary.forms),
             _shown(vocabulary),
             [(each.name, each.value) for each in vocabulary.functions if each.value is not None],
+            [each for each in map(_drawn, vocabulary.outlines) if each is not None] if doc else [],
         )
 
     def made(self) -> Vocabulary:
@@ -196,6 +201,7 @@ class VocabularyRecord(msgspec.Struct, omit_defaults=True):
             constants=tuple(each.made() for each in self.constants),
             functions=tuple(map(self._with_neighbours, functions)),
             forms=frozenset(self.forms),
+            outlines=tuple(map(_outline, self.outlines)),
         )
 
     def _with_neighbours(self, function: HostFunction) -> HostFunction:
@@ -207,6 +213,20 @@ class VocabularyRecord(msgspec.Struct, omit_defaults=True):
                 raise TelemetryError(f"neighbours that show {name!r} in {unit[:20]!r}")
         fields = tuple(field_named(name, unit, "", _far_away, None) for name, unit in self.neighbours)
         return replace(function, neighbours=NeighbourSensor(_nobody, None, fields))
+
+
+def _drawn(outline: MapOutline) -> tuple[str, list[float], bool] | None:
+    """An outline as it goes over the air, in centimetres; None for one of too many points."""
+    numbers = [round(number, 2) for point in outline.points for number in point]
+    return (outline.name, numbers, outline.closed) if len(numbers) <= MAX_COORDINATES else None
+
+
+def _outline(sent: tuple[str, list[float], bool]) -> MapOutline:
+    """The outline that was sent. Raises TelemetryError."""
+    name, numbers, closed = sent
+    if not is_name(name) or len(numbers) % 2 or not all(abs(number) <= FARTHEST for number in numbers):
+        raise TelemetryError(f"an outline {name!r} of {len(numbers)} numbers")
+    return MapOutline(name, tuple(zip(numbers[::2], numbers[1::2], strict=True)), closed)
 
 
 def _shown(vocabulary: Vocabulary) -> list[tuple[str, str]]:
@@ -381,7 +401,7 @@ _TEXTS: WeakKeyDictionary[Vocabulary, str] = WeakKeyDictionary()
 
 
 def vocabulary_text(vocabulary: Vocabulary) -> str:
-    """The names of a type as JSON; without descriptions if it would be too long."""
+    """The names of a type as JSON; without descriptions and outlines if it would be too long."""
     text = _TEXTS.get(vocabulary)
     if text is None:
         text = as_text(VocabularyRecord.of(vocabulary, MAX_DOC))

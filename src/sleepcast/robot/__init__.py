@@ -13,11 +13,13 @@ counter-clockwise from the x axis.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence, Set
-from math import cos, inf, isnan, nan, pi, remainder, sqrt
+from dataclasses import replace
+from math import cos, inf, isnan, nan, pi, remainder, sin, sqrt
 from typing import Protocol, runtime_checkable
 
 from sleepcast.core.errors import SleepcastError
-from sleepcast.core.model import HostFunction, NamedArea, Quantity, RestState
+from sleepcast.core.model import HostFunction, MapOutline, NamedArea, Quantity, RestState
+from sleepcast.core.outlines import depth, depths
 from sleepcast.core.records import NamedTuple, dataclass
 
 BRAKING = 0.8
@@ -26,6 +28,8 @@ STANDING = 1e-3
 """m/s below which a body stands."""
 ROUNDED = 1e-9
 """m by which sums may be wrong."""
+SPREAD = (-1.0, -0.5, 0.0, 0.5, 1.0)
+"""Shares of the greatest turn for which it is looked where the way leads."""
 AHEAD = pi / 4.0
 """rad to both sides of its way in which something is in the way of a body."""
 
@@ -45,6 +49,7 @@ class Limits:
     least_range: m to what is in its way, before which it comes to rest; 0 for none.
     climb: m/s upwards and downwards alike, of what hovers.
     floor, ceiling: m of height between which what hovers is driven; only a take-off and a landing pass the floor.
+    inside, outside: areas that it does not leave, not even one of them, and areas that it does not enter.
     """
 
     speed: float
@@ -55,11 +60,22 @@ class Limits:
     climb: float = inf
     floor: float = -inf
     ceiling: float = inf
+    inside: tuple[NamedArea, ...] = ()
+    outside: tuple[NamedArea, ...] = ()
 
     @property
     def are_watched(self) -> bool:
         """Whether there is a fence or a least range to be kept, see `may_go_on`."""
-        return self.fence is not None or self.least_range > 0.0
+        return self.are_fenced or self.least_range > 0.0
+
+    @property
+    def are_fenced(self) -> bool:
+        """Whether there are places where it may not be."""
+        return self.fence is not None or bool(self.inside or self.outside)
+
+    @property
+    def without_fence(self) -> Limits:
+        return replace(self, fence=None, inside=(), outside=())
 
     def within(self, others: Limits) -> Limits:
         """The narrower ones of both; the fence of `others` if they have one."""
@@ -72,14 +88,42 @@ class Limits:
             min(self.climb, others.climb),
             max(self.floor, others.floor),
             min(self.ceiling, others.ceiling),
+            (*self.inside, *others.inside),
+            (*self.outside, *others.outside),
         )
 
     def holds(self, x: float, y: float, margin: float = 0.0) -> bool:
-        """Whether a place is within the fence, and no nearer to it than the margin; m."""
-        if self.fence is None:
-            return True
-        left, bottom, right, top = self.fence
-        return left + margin <= x <= right - margin and bottom + margin <= y <= top - margin
+        """Whether a place is within the fence and its areas, and no nearer to an edge than the margin; m."""
+        return self.holds_way((x, y), (x, y), margin)
+
+    def holds_way(self, start: tuple[float, float], end: tuple[float, float], margin: float = 0.0) -> bool:
+        """The same of a straight way."""
+        for x, y in (start, end) if self.fence is not None else ():
+            left, bottom, right, top = self.fence or (0.0,) * 4
+            if not (left + margin <= x <= right - margin and bottom + margin <= y <= top - margin):
+                return False
+        deep = all(depths(area, start, end)[0] >= margin for area in self.inside)
+        return deep and all(depths(area, start, end)[1] <= -margin for area in self.outside)
+
+    def _keeps_to_areas(self, place: tuple[float, float], direction: float, turned: float, way: float) -> bool:
+        """Whether no edge of an area is passed by going so many m in this direction, or in one that differs from it by
+        `turned` rad at most. One that is where it may not be may come back."""
+        x, y = place
+        areas = replace(self, fence=None)
+        for share in SPREAD:
+            angle = direction + share * min(turned, pi)
+            end = x + way * cos(angle), y + way * sin(angle)
+            if areas.holds_way(place, end):
+                continue
+            if areas.holds(x, y) or areas._beyond(end) > areas._beyond(place) + ROUNDED:
+                return False
+        return True
+
+    def _beyond(self, place: tuple[float, float]) -> float:
+        """How far beyond the edges of areas a place is, m."""
+        short = (-depth(area, place) for area in self.inside)
+        deep = (depth(area, place) for area in self.outside)
+        return sum(max(each, 0.0) for each in (*short, *deep))
 
     def speed_before(self, room: float, lag: float) -> float:
         """The greatest speed, m/s, that still comes to rest within `room` m if braking begins `lag` s from now: of the
@@ -129,6 +173,8 @@ class Limits:
         ahead = 0.0 if forwards else pi
         if self.fence is not None and not _stays_within(self.fence, x, y, heading + ahead, turned, way):
             return False
+        if (self.inside or self.outside) and not self._keeps_to_areas((x, y), heading + ahead, turned, way):
+            return False
         return not self.least_range or nearest(ahead - AHEAD, ahead + AHEAD) - way >= self.least_range
 
 
@@ -170,7 +216,8 @@ class BodyConstant:
 @dataclass(frozen=True, slots=True)
 class RobotModel:
     """What all robots of one type have in common. sensors: in the order of a `Reading`'s values. actuators:
-    in the order of a `Setpoint`'s fields, as many of them as the body has."""
+    in the order of a `Setpoint`'s fields, as many of them as the body has. outlines: for maps, of fences that they keep
+    and ways that they may go."""
 
     name: str
     sensors: tuple[Quantity, ...]
@@ -180,6 +227,7 @@ class RobotModel:
     geometry: Geometry
     constants: tuple[BodyConstant, ...] = ()
     areas: tuple[NamedArea, ...] = ()
+    outlines: tuple[MapOutline, ...] = ()
 
     @property
     def hovers(self) -> bool:

@@ -56,6 +56,7 @@ def merge_schemas(types: Mapping[Key, Vocabulary]) -> tuple[Vocabulary, dict[Key
         tuple(actuators.values()),
         constants=tuple(alike.values()),
         functions=tuple(_functions(function for each in kept.values() for function in each.functions)),
+        outlines=tuple(dict.fromkeys(outline for each in kept.values() for outline in each.outlines)),
     )
     return (
         vocabulary,

@@ -3,17 +3,19 @@ plane, which is driven to places only."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
 from sleepcast.bridges.body import FRESH
-from sleepcast.core.model import HostFunction, Quantity
+from sleepcast.bridges.mavlink.transfer import MAX_ITEMS
+from sleepcast.core.model import HostFunction, MapOutline, Quantity
 from sleepcast.robot import BodyConstant, Geometry, Limits, RobotModel, hovering
 from sleepcast.robot.hovering import SELDOM, Hovering
 
-GUIDED, LAND, TAKEOFF = "GUIDED", "LAND", "TAKEOFF"
-COPTER = {"STABILIZE": 0, "ALT_HOLD": 2, "AUTO": 3, GUIDED: 4, "LOITER": 5, "RTL": 6, LAND: 9, "BRAKE": 17}
-ROVER = {"MANUAL": 0, "HOLD": 4, "LOITER": 5, "AUTO": 10, "RTL": 11, GUIDED: 15}
+AUTO, GUIDED, LAND, TAKEOFF = "AUTO", "GUIDED", "LAND", "TAKEOFF"
+COPTER = {"STABILIZE": 0, "ALT_HOLD": 2, AUTO: 3, GUIDED: 4, "LOITER": 5, "RTL": 6, LAND: 9, "BRAKE": 17}
+ROVER = {"MANUAL": 0, "HOLD": 4, "LOITER": 5, AUTO: 10, "RTL": 11, GUIDED: 15}
 PLANE = {
     "MANUAL": 0,
     "CIRCLE": 1,
@@ -21,7 +23,7 @@ PLANE = {
     "FBWA": 5,
     "FBWB": 6,
     "CRUISE": 7,
-    "AUTO": 10,
+    AUTO: 10,
     "RTL": 11,
     "LOITER": 12,
     TAKEOFF: 13,
@@ -55,30 +57,59 @@ OF_PLANES = {
 """What functions do on planes."""
 
 
+OF_PLANS = (
+    Quantity(
+        "waypoint", "", 0.0, float(MAX_ITEMS), FRESH, "number of the item of its plan to which it goes, 0 for none"
+    ),
+    Quantity("plan_progress", "", 0.0, 1.0, FRESH, "share of its plan that it has done", "%"),
+)
+"""What vehicles measure that have plans."""
+
+
 class Vehicle(Hovering, Protocol):
     """What expressions may ask of a vehicle; a rover answers to what can be done on the ground."""
+
+    def fly_plan(self, plan: float) -> None:
+        """Fly the plan with this number."""
 
     def set_mode(self, mode: float) -> None:
         """Change its mode to the one with this number."""
 
 
-def model_of(modes: dict[str, int], limits: Limits, body: type[Vehicle]) -> RobotModel:
-    """Of vehicles with these modes, whose bodies are of this class."""
+def model_of(
+    modes: dict[str, int],
+    limits: Limits,
+    body: type[Vehicle],
+    plans: Sequence[str] = (),
+    outlines: Sequence[MapOutline] = (),
+) -> RobotModel:
+    """Of vehicles with these modes, whose bodies are of this class. plans: names, each of which is a number, from 1;
+    outlines: see `RobotModel`."""
     name, measured, driven = ("rover", ON_GROUND, 2) if modes is ROVER else ("copter", IN_AIR, None)
     if modes is PLANE:  # follows places, and no speeds
         name, driven = "plane", 0
     known = {quantity.name: quantity for quantity in (*hovering.sensors(limits, FRESH), *OWN)}
-    functions = functions_of(modes, body)
+    functions = (*functions_of(modes, body), *([plan_function(body)] if plans else []))
     called = {function.name for function in functions}
     return RobotModel(
         name,
-        tuple(known[each] for each in measured),
+        (*(known[each] for each in measured), *(OF_PLANS if plans else ())),
         hovering.actuators(limits)[:driven],
         functions,
         limits,
         Geometry(0.5),
-        tuple(BodyConstant(name, float(number), doc="a mode") for name, number in modes.items() if name not in called),
+        (
+            *(BodyConstant(name, float(number), doc="a mode") for name, number in modes.items() if name not in called),
+            *(BodyConstant(name, float(number), doc="a plan") for number, name in enumerate(plans, 1)),
+        ),
+        outlines=tuple(outlines),
     )
+
+
+def plan_function(body: type[Vehicle]) -> HostFunction:
+    """PLAN, of vehicles that have plans."""
+    doc = "Flies or drives a plan by its name, from its begin."
+    return HostFunction("PLAN", body.fly_plan, (None,), arguments="name", doc=doc)
 
 
 def functions_of(modes: dict[str, int], body: type[Vehicle]) -> tuple[HostFunction, ...]:

@@ -6,6 +6,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 from math import nan
+from pathlib import Path
 from typing import Any
 
 from sleepcast.bridges import Opening
@@ -14,14 +15,16 @@ from sleepcast.bridges.body import PATIENCE, OutOfReachError
 from sleepcast.bridges.mavlink.link import LINK, MavlinkConnection, open_link, system_of
 from sleepcast.bridges.mavlink.model import MODES, PLANE
 from sleepcast.bridges.mavlink.plane import MavlinkPlane
+from sleepcast.bridges.mavlink.plans import Plan, read_plans
 from sleepcast.bridges.mavlink.vehicle import GCS_COMPONENT_ID, GCS_SYSTEM_ID, USUAL, MavlinkVehicle
-from sleepcast.core.geodesy import Origin
+from sleepcast.core.geodesy import LocalMap, Origin
+from sleepcast.core.model import MapOutline
 from sleepcast.robot import Limits
 
 EXAMPLE = "mavlink://0.0.0.0:14550?listen=yes&key=vehicle.key#1"
 PORT = 14_550
 OF_KIND = ("speed", "turn_rate", "acceleration", "ceiling", "floor", "height", "circle")
-SETTINGS = {**LINK, "failsafe": "loiter", "origin": "", **dict.fromkeys(OF_KIND, ""), "altitude": ""}
+SETTINGS = {**LINK, "failsafe": "loiter", "origin": "", **dict.fromkeys(OF_KIND, ""), "altitude": "", "plans": ""}
 """What can be set in a URI, and what holds otherwise; of `OF_KIND` that depends on the vehicle. Speeds in m/s, rad/s;
 ceiling, floor, and the height of a take-off: m above where it started; altitude of z = 0: m above the sea; circle: the
 radius in which a plane circles, m."""
@@ -62,10 +65,11 @@ def open_body(uri: str, opening: Opening) -> MavlinkVehicle:
     except BodyError:  # wrong for everything that is known here, or right for planes alone
         _limits(address, FLYING_ON)
     _frame(address)
+    plans = read_plans(Path(address.settings["plans"])) if address.settings["plans"] else ()
     link = open_link(address, PORT, GCS_SYSTEM_ID, GCS_COMPONENT_ID)
     try:
         heartbeat = _meet(link, system, f"{address.host}:{address.port or PORT}")
-        vehicle = _body(address, link, system, MODES[heartbeat.type])
+        vehicle = _body(address, link, system, MODES[heartbeat.type], plans)
         vehicle.take(heartbeat)
         return vehicle
     except BaseException:
@@ -73,8 +77,10 @@ def open_body(uri: str, opening: Opening) -> MavlinkVehicle:
         raise
 
 
-def _body(address: BodyAddress, link: MavlinkConnection, system: int, modes: dict[str, int]) -> MavlinkVehicle:
-    """The body of a vehicle with these modes."""
+def _body(
+    address: BodyAddress, link: MavlinkConnection, system: int, modes: dict[str, int], plans: tuple[Plan, ...]
+) -> MavlinkVehicle:
+    """The body of a vehicle with these modes and plans."""
     failsafe = address.settings["failsafe"].upper()
     if failsafe not in modes:
         lands = "a plane lands by its own mission: with rtl, and RTL_AUTOLAND set in it, " if modes is PLANE else ""
@@ -82,16 +88,29 @@ def _body(address: BodyAddress, link: MavlinkConnection, system: int, modes: dic
         raise BodyError(f"{address.uri!r:.100}: this vehicle has no mode {failsafe}; {lands}wanted {known}")
     origin, altitude = _frame(address)
     limits, height = _limits(address, FLYING_ON if modes is PLANE else HOVERING)
-    if modes is not PLANE:
-        return MavlinkVehicle(
-            link, system, modes, limits, failsafe=failsafe, origin=origin, altitude=altitude, height=height
-        )
-    plane = MavlinkPlane(
-        link, system, modes, limits, failsafe=failsafe, origin=origin, altitude=altitude, height=height
+    make = MavlinkPlane if modes is PLANE else MavlinkVehicle
+    outlines = [] if origin is None else [_way(plan, LocalMap(origin)) for plan in plans]
+    vehicle = make(
+        link,
+        system,
+        modes,
+        limits,
+        failsafe=failsafe,
+        origin=origin,
+        altitude=altitude,
+        height=height,
+        plans=plans,
+        outlines=outlines,
     )
-    if address.settings["circle"]:
-        plane.CIRCLE = address.number("circle", most=LARGEST, unit="m")
-    return plane
+    if modes is PLANE and address.settings["circle"]:
+        vehicle.CIRCLE = address.number("circle", most=LARGEST, unit="m")
+    return vehicle
+
+
+def _way(plan: Plan, earth: LocalMap) -> MapOutline:
+    """What is drawn of a plan."""
+    points = (earth.metres(*place) for place in plan.places())
+    return MapOutline(plan.name, tuple(point for point in points if point is not None), False)
 
 
 def _frame(address: BodyAddress) -> tuple[Origin | None, float]:

@@ -13,7 +13,7 @@ from math import inf
 from sleepcast.core.records import dataclass
 
 SET_MODE, ARM_DISARM, TAKEOFF, CHANGE_SPEED, INTERVAL = 176, 400, 22, 178, 511
-REPOSITION, LAND_START = 192, 189
+REPOSITION, LAND_START, MISSION_ITEM, MISSION_START = 192, 189, 224, 300
 NAMES = {
     SET_MODE: "the mode",
     ARM_DISARM: "arming or disarming",
@@ -22,6 +22,8 @@ NAMES = {
     INTERVAL: "its messages",
     REPOSITION: "where to circle",
     LAND_START: "the landing of its mission",
+    MISSION_ITEM: "where to begin its plan",
+    MISSION_START: "beginning its plan",
 }
 WITH_PLACE = frozenset({REPOSITION})
 """Orders that name a place on the Earth."""

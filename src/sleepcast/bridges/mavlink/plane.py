@@ -15,7 +15,7 @@ from math import hypot, isfinite, nan
 from typing import Any
 
 from sleepcast.bridges.body import Motion
-from sleepcast.bridges.mavlink.model import GUIDED, TAKEOFF
+from sleepcast.bridges.mavlink.model import AUTO, GUIDED, TAKEOFF
 from sleepcast.bridges.mavlink.orders import (
     ASKED,
     AT_ONCE,
@@ -35,8 +35,6 @@ LEVEL = 30.0
 """m of height above which ArduPilot lets a plane bank freely after a take-off: three times its TKOFF_LVL_ALT."""
 ON_ITS_CIRCLE = 1.5
 """Radii from the middle within which a plane circles around it, and is not on its way there."""
-AIRSPEED = 0.0
-"""What a DO_CHANGE_SPEED is about."""
 
 Circle = tuple[float, float, float]
 """x and y of its middle, and height above where the plane started, m."""
@@ -46,6 +44,7 @@ class MavlinkPlane(MavlinkVehicle):
     """See the module. Its motions are "goto", "takeoff", "land" and rest."""
 
     CIRCLE = 60.0
+    SPEED_OF = 0.0
 
     def __init__(self, *arguments: Any, **settings: Any) -> None:
         super().__init__(*arguments, **settings)
@@ -108,18 +107,26 @@ class MavlinkPlane(MavlinkVehicle):
             return self._mode
         return self._modes[TAKEOFF if motion.sort == "takeoff" else GUIDED]
 
+    def begin_plan(self, tick: int) -> None:
+        """Armed in any other mode, it would open the throttle before it has a way to go."""
+        self._begin_mission(tick)
+        if not self._armed:
+            self._ask_to_arm(tick)
+
     def follow(self, motion: Motion, anew: bool) -> None:
         match motion.sort:
             case "takeoff":
                 self._rise(motion)
             case "land":
                 if anew:
-                    self._order(LAND_START, queue=ASKED, tick=self._tick, mode=self._modes["AUTO"])
+                    self._order(LAND_START, queue=ASKED, tick=self._tick, mode=self._modes[AUTO])
             case "goto":
                 if anew:
                     x, y, height = motion.values
                     self._circle = x, y, height
-                    self._order(CHANGE_SPEED, AIRSPEED, self.model.limits.speed, -1.0, queue=ASKED, tick=self._tick)
+                    self._order(
+                        CHANGE_SPEED, self.SPEED_OF, self.model.limits.speed, -1.0, queue=ASKED, tick=self._tick
+                    )
                     self._tell(ASKED)
             case _:
                 if anew or self._circle is None:

@@ -18,6 +18,7 @@ first: a mode that they choose ends what was asked of the vehicle, and is change
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
 from math import cos, hypot, inf, isfinite, isnan, nan, pi, remainder, sin
@@ -25,7 +26,7 @@ from typing import Any
 
 from sleepcast.bridges.body import FRESH, REST, BridgedBody, Motion, OutOfReachError
 from sleepcast.bridges.mavlink.link import MavlinkConnection
-from sleepcast.bridges.mavlink.model import GUIDED, LAND, ROVER, model_of
+from sleepcast.bridges.mavlink.model import AUTO, GUIDED, LAND, ROVER, model_of
 from sleepcast.bridges.mavlink.orders import (
     ARM_DISARM,
     ASKED,
@@ -34,6 +35,8 @@ from sleepcast.bridges.mavlink.orders import (
     INTERVAL,
     LAND_START,
     MESSAGES,
+    MISSION_ITEM,
+    MISSION_START,
     ORDER_SECONDS,
     REPOSITION,
     RESULTS,
@@ -43,9 +46,13 @@ from sleepcast.bridges.mavlink.orders import (
     Orders,
     PendingCommand,
 )
+from sleepcast.bridges.mavlink.plan_flights import PlanFlights
+from sleepcast.bridges.mavlink.plans import Circumstances, Plan
+from sleepcast.bridges.mavlink.transfer import Party
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, printable
 from sleepcast.core.geodesy import LocalMap, Origin
+from sleepcast.core.model import MapOutline
 from sleepcast.robot import Limits, Reading, hovering
 
 USUAL = 5.0
@@ -73,8 +80,12 @@ RATES = {33: 10.0, 30: 10.0, 1: 1.0, 24: 1.0}
 """Messages that we need, by number (GLOBAL_POSITION_INT, ATTITUDE, SYS_STATUS, GPS_RAW_INT), and how often, 1/s."""
 BEGUN_BY = {TAKEOFF: "takeoff", REPOSITION: "goto", LAND_START: "land"}
 """The motion that comes to nothing with an order."""
+BEGIN_A_PLAN = (SET_MODE, ARM_DISARM, MISSION_ITEM, MISSION_START)
+"""Orders with which a plan comes to nothing."""
 LANDED_STATE = {245: 4.0}
 """The same of what can fly (EXTENDED_SYS_STATE)."""
+MISSION_STATE = {42: 2.0, 242: 0.2}
+"""The same of what has plans (MISSION_CURRENT, HOME_POSITION)."""
 FLYING = {1: 0.0, 2: 1.0, 3: 1.0, 4: 1.0}
 """Of each landed state: on the ground; in the air, taking off, landing."""
 BODY_FRAME, EARTH_FRAME = 8, 6
@@ -93,10 +104,14 @@ class MavlinkVehicle(BridgedBody):
     origin: of x and y; None for the first place at which it is.
     altitude: of z = 0, m above the sea; NaN for where it started.
     height: of a take-off that says none, m.
+    plans: that it may fly, numbered from 1.
+    outlines: see `RobotModel`.
     """
 
     RESTING = 0.3
     """What a GPS tells of a vehicle that stands."""
+    SPEED_OF: float = 1.0
+    """Of what a limit is ordered: of its speed over ground, 0 for that through the air."""
     CIRCLE: float = 0.0
     """m: the radius in which it circles around a place; 0 for one that can stand there."""
 
@@ -111,9 +126,16 @@ class MavlinkVehicle(BridgedBody):
         origin: Origin | None = None,
         altitude: float = nan,
         height: float = USUAL,
+        plans: Sequence[Plan] = (),
+        outlines: Sequence[MapOutline] = (),
         clock: Clock | None = None,
     ) -> None:
-        super().__init__(model_of(modes, limits, type(self)), clock=clock)
+        super().__init__(model_of(modes, limits, type(self), [each.name for each in plans], outlines), clock=clock)
+        self._plans = PlanFlights(plans, link, Party(system, GCS_SYSTEM_ID, GCS_COMPONENT_ID))
+        self._home: tuple[float, float] | None = None
+        """Latitude and longitude of where it started, degrees."""
+        self._ground = nan
+        """Its altitude, m above the sea."""
         self._link, self._system, self._modes = link, system, modes
         self._flies = modes is not ROVER
         self._altitude, self._usual = altitude, height
@@ -164,7 +186,7 @@ class MavlinkVehicle(BridgedBody):
 
     def reading(self) -> Reading:
         armed, mode = (float(self._armed), float(self._mode)) if self._mode >= 0 else (nan, nan)
-        known = {**self._values, "armed": armed, "mode": mode}
+        known = {**self._values, **self._plans.measured(), "armed": armed, "mode": mode}
         pairs = [(known.get(sensor.name, nan), sensor) for sensor in self.model.sensors]
         return Reading(max(self._fixed, 0.0), tuple(v if s.low <= v <= s.high else nan for v, s in pairs))
 
@@ -199,6 +221,10 @@ class MavlinkVehicle(BridgedBody):
         if self._orders.waits(ASKED):
             return
         anew, self._begun = motion is not self._begun, motion
+        if motion.sort == "plan":
+            self._follow_plan(int(motion.values[0]), anew)
+            return
+        self._plans.leave()
         if self._armed and self._mode == self.mode_for(motion):
             self.follow(motion, anew)
         elif self._current is not REST and motion is not self.failsafe:
@@ -208,6 +234,34 @@ class MavlinkVehicle(BridgedBody):
         """The mode in which it follows a motion."""
         return self._modes[GUIDED]
 
+    def _follow_plan(self, number: int, anew: bool) -> None:
+        """Send a plan, and begin it once the vehicle has all of it; what it flies must not be written over."""
+        if anew:
+            self._plans.begin(number, self._clock.now())
+            if self._mode == self._modes[AUTO]:
+                self._order(SET_MODE, 1.0, float(self._modes[GUIDED]), queue=ASKED, tick=self._tick)
+                return
+        arrived, why = self._plans.tend(self._clock.now())
+        if why:
+            self._say_once(f"plan {self._plans.name(number)} was not taken: {why}")
+            with self._lock:
+                self._motion = REST
+        elif arrived:
+            self.begin_plan(self._tick)
+
+    def begin_plan(self, tick: int) -> None:
+        """Order the mission that it has. A copter is armed in GUIDED, and started: else it would wait for a stick."""
+        if not self._armed:
+            self.make_ready(tick)
+        self._begin_mission(tick)
+
+    def _begin_mission(self, tick: int) -> None:
+        asked: dict[str, Any] = {"queue": ASKED, "tick": tick}
+        self._order(MISSION_ITEM, 1.0, 1.0, **asked)
+        self._order(SET_MODE, 1.0, float(self._modes[AUTO]), **asked)
+        self._order(MISSION_START, **asked)
+        self._order(CHANGE_SPEED, self.SPEED_OF, self.model.limits.speed, -1.0, **asked)
+
     def follow(self, motion: Motion, anew: bool) -> None:
         """Send a motion in its mode. anew: for the first time."""
         if motion.sort == "takeoff":
@@ -215,7 +269,7 @@ class MavlinkVehicle(BridgedBody):
                 self._order(TAKEOFF, *(0.0,) * 6, motion.values[0], queue=ASKED, tick=self._tick)
             return
         if motion.sort == "goto" and anew:  # else it would go as fast as its own settings allow
-            self._order(CHANGE_SPEED, 1.0, self.model.limits.speed, -1.0, queue=ASKED, tick=self._tick)
+            self._order(CHANGE_SPEED, self.SPEED_OF, self.model.limits.speed, -1.0, queue=ASKED, tick=self._tick)
         self._set_point(motion)
 
     def _claim_mode(self, motion: Motion) -> None:
@@ -360,6 +414,19 @@ class MavlinkVehicle(BridgedBody):
         elif (self._motion.sort, self._motion.values) != ("takeoff", (wanted,)):  # a rule says it in every tick
             self.move(Motion("takeoff", (wanted,)))
 
+    def fly_plan(self, plan: float) -> None:
+        """Fly the plan with this number, or drive it; only one that is done is begun again. Raises FencedError, too."""
+        number = self._plans.number(plan)
+        if self._map is None:
+            raise MisuseError("the vehicle has not said yet where it is")
+        self.check_hands()
+        known, home = self._sensed(), None if self._home is None else self._map.metres(*self._home)
+        here = known.get("x", nan), known.get("y", nan)
+        around = Circumstances(self.model.limits, self._map, here, home, self._ground, self._flies, self.CIRCLE)
+        self._plans.check(number, around)
+        if not self._stopped and (self._motion.sort != "plan" or not self._plans.flies(number)):  # see `take_off`
+            self.move(Motion("plan", (float(number),)))
+
     def here(self) -> tuple[float, float]:
         """x and y (m) of the place at which it stays if it stays where it is; NaN for unknown."""
         known = self._sensed()
@@ -398,7 +465,8 @@ class MavlinkVehicle(BridgedBody):
     # ---- what is sent
 
     def _ask_for_messages(self) -> None:
-        for number, rate in {**RATES, **(LANDED_STATE if self._flies else {})}.items():
+        more = {**(LANDED_STATE if self._flies else {}), **(MISSION_STATE if self._plans.known else {})}
+        for number, rate in {**RATES, **more}.items():
             self._order(INTERVAL, float(number), 1e6 / rate, queue=MESSAGES)
 
     def _order(
@@ -427,7 +495,9 @@ class MavlinkVehicle(BridgedBody):
         """An order has come to nothing. sentence: with a place for its name."""
         others = [other.name for other in self._orders.end(order)]
         with self._lock:
-            if order.queue == ASKED and self._motion.sort == BEGUN_BY.get(order.command):
+            needed = order.command in BEGIN_A_PLAN or (order.command == CHANGE_SPEED and not self._armed)
+            begun = "plan" if needed and self._motion.sort == "plan" else BEGUN_BY.get(order.command)
+            if order.queue == ASKED and self._motion.sort == begun:
                 self._motion = REST
         if order.command != INTERVAL:
             after = f"; {' and '.join(others)}, asked for with it, {'is' if len(others) == 1 else 'are'} left out"
@@ -452,6 +522,7 @@ class MavlinkVehicle(BridgedBody):
 
     def take(self, message: Any) -> None:
         """A message of this vehicle."""
+        self._plans.hear(message, self._clock.now())
         match message.get_type():
             case "HEARTBEAT" if message.get_srcComponent() == 1:
                 self._reported_state = message.custom_mode, bool(message.base_mode & 128)
@@ -468,6 +539,8 @@ class MavlinkVehicle(BridgedBody):
                 seen = message.satellites_visible
                 self._values["gps_fix"] = float(message.fix_type)
                 self._values["satellites"] = nan if seen == 255 else float(seen)
+            case "HOME_POSITION":
+                self._home = message.latitude / 1e7, message.longitude / 1e7
             case "EXTENDED_SYS_STATE":
                 self._values["flying"] = FLYING.get(message.landed_state, nan)
             case "COMMAND_ACK":
@@ -491,6 +564,7 @@ class MavlinkVehicle(BridgedBody):
         self._ground_speed = hypot(east, north)
         self._drift = east * ahead + north * left, north * ahead - east * left
         height = message.relative_alt / 1000.0
+        self._ground = message.alt / 1000.0 - height
         z = height if isnan(self._altitude) else message.alt / 1000.0 - self._altitude
         self._values |= {"x": x, "y": y, "z": z, "height": height, "heading": heading}
         self._values |= {"speed": self._drift[0], "climb_rate": -message.vz / 100.0}

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
 from sleepcast.columns.values import Rows
-from sleepcast.console import KeptRule, Outline, SafetyOrder, Scene
+from sleepcast.console import KeptRule, NamedOutline, Outline, SafetyOrder, Scene
 from sleepcast.console.frames import packed_poses
 from sleepcast.console.network import PendingExplanation
 from sleepcast.console.sensing import BodyView
@@ -167,7 +167,7 @@ class FleetAdapter:
     ) -> None:
         self.asking = True
         self.minds = FleetMinds(station, telemetry.minds)
-        self.scene, self.picture = ground, picture
+        self.scene, self.picture, self._ground = ground, picture, ground.areas
         self._station, self._telemetry, self._every, self._began = station, telemetry, every, began
         self._mapped = ground.area != EMPTY
         """Whether the area is one in which robots are."""
@@ -334,10 +334,16 @@ class FleetAdapter:
         names = tuple(self._station.roster)
         self.minds.look(names)
         area = self._area()
-        if len(names) != len(self.scene.names) or area != self.scene.area:
+        drawn = self._outlines()
+        if len(names) != len(self.scene.names) or area != self.scene.area or drawn != self.scene.areas:
             radius = self.scene.sizes[0][1] if self.scene.sizes else RADIUS
             sizes = ((len(names), radius),)
-            self.scene = replace(self.scene, names=names, area=area, unit=self._unit(), sizes=sizes)
+            self.scene = replace(self.scene, names=names, area=area, unit=self._unit(), sizes=sizes, areas=drawn)
+
+    def _outlines(self) -> tuple[NamedOutline, ...]:
+        """What the ground has, and what robots tell of their fences and plans."""
+        told = (NamedOutline(each.name, each.points, each.closed) for each in self.vocabulary.outlines if each.points)
+        return (*self._ground, *told)
 
     def _unit(self) -> str:
         """In which people read where robots are."""
@@ -347,8 +353,9 @@ class FleetAdapter:
         return unit if unit in UNITS and UNITS[unit].dimension == LENGTH else self.scene.unit
 
     def _area(self) -> Area:
-        """Where the robots are, with a margin; what was on the map stays on it."""
-        x, y = self._places()
+        """Where the robots and what they tell of are, with a margin; what was on the map stays on it."""
+        points = [point for each in self.vocabulary.outlines for point in each.points]
+        x, y = (np.append(each, [point[axis] for point in points]) for axis, each in enumerate(self._places()))
         known = ~np.isnan(x)
         if not known.any():
             return self.scene.area

@@ -32,19 +32,21 @@ export function drawGround(pen, view, scene, colours, under = []) {
   for (const light of scene.lights) drawLight(pen, view, light, colours);
 }
 
-// The outline of an area that robots know by name.
-function drawArea(pen, view, { corners }, colours) {
+// The outline of an area that robots know by name, or a way that they may go, with a dot at each of its places.
+function drawArea(pen, view, { corners, closed = true }, colours) {
   const xs = corners.map(([x]) => view.toScreenX(x));
   const ys = corners.map(([, y]) => view.toScreenY(y));
   pen.beginPath();
   xs.forEach((x, corner) => pen.lineTo(x, ys[corner]));
-  pen.closePath();
+  if (closed) pen.closePath();
   pen.globalAlpha = 0.6;
   pen.setLineDash([6, 5]);
   pen.strokeStyle = colours.place;
   pen.lineWidth = 1.2;
   pen.stroke();
   pen.setLineDash([]);
+  pen.fillStyle = colours.place;
+  if (!closed) xs.forEach((x, corner) => pen.fillRect(x - 2, ys[corner] - 2, 4, 4));
   pen.globalAlpha = 1;
 }
 

@@ -46,13 +46,12 @@ def rovers(program: Program, context: BrowserContext) -> Iterator[Page]:
     yield from opened(program, context)
 
 
-def opened(program: Program, context: BrowserContext, expected: str = SLOW) -> Iterator[Page]:
-    """expected: words of what the browser may say."""
+def opened(program: Program, context: BrowserContext) -> Iterator[Page]:
     page = context.new_page()
     complaints: list[str] = []
 
     def hear(said: ConsoleMessage) -> None:
-        if said.type in ("error", "warning") and expected not in said.text and SLOW not in said.text:
+        if said.type in ("error", "warning") and SLOW not in said.text:
             complaints.append(said.text)
 
     page.on("console", hear)

@@ -1,7 +1,8 @@
 // Forms of solid things as triangles: bodies of robots, one metre from the middle to the side, which look along x, and what
 // stands on the ground. Light comes from above and does not move, so each triangle has its shade from the start.
 //
-// A form is {corners: x, y and z of each corner in turn, three to a triangle; shades: of each corner, of 1}.
+// A form is {corners: x, y and z of each corner in turn; shades: of each corner, of 1; triangles: the places of their corners,
+// three to each}.
 
 import { encloses } from "./polygon.js";
 
@@ -9,13 +10,34 @@ const LIGHT = [0.28, -0.42, 0.86]; // towards it
 const DARKEST = 0.55;
 const HEXAGON = Array.from({ length: 6 }, (_, corner) => [Math.cos((corner * Math.PI) / 3), Math.sin((corner * Math.PI) / 3)]);
 
-// turns: whether it turns about z as a whole, so that only how much a side looks up counts.
-function form(triangles, turns = true) {
-  const shades = triangles.map((triangle) => shadeOf(normalOf(triangle), turns));
-  return {
-    corners: Float32Array.from(triangles.flat(2)),
-    shades: Float32Array.from({ length: 3 * triangles.length }, (_, corner) => shades[Math.floor(corner / 3)]),
-  };
+// A form of which each triangle has its own shade.
+function faceted(triangles) {
+  const shades = triangles.flatMap((triangle) => Array(3).fill(shadeOf(normalOf(triangle))));
+  return { corners: Float32Array.from(triangles.flat(2)), shades: Float32Array.from(shades), triangles: shades.map((_, at) => at) };
+}
+
+// One whose triangles have their corners in common, with the mean of their shades: a third as much to draw. It turns about z
+// as a whole, so only how much a side looks up counts.
+function smooth(triangles) {
+  const places = new Map(); // by the words of a corner
+  const [corners, sums, counts] = [[], [], []];
+  const indices = triangles.flatMap((triangle) => {
+    const shade = shadeOf([0, 0, normalOf(triangle)[2]], [0, 0, 1]);
+    return triangle.map((corner) => {
+      const words = corner.join();
+      if (!places.has(words)) {
+        places.set(words, places.size);
+        corners.push(...corner);
+        sums.push(0);
+        counts.push(0);
+      }
+      const place = places.get(words);
+      sums[place] += shade;
+      counts[place] += 1;
+      return place;
+    });
+  });
+  return { corners: Float32Array.from(corners), shades: Float32Array.from(sums, (sum, at) => sum / counts[at]), triangles: indices };
 }
 
 function normalOf([from, a, b]) {
@@ -25,8 +47,8 @@ function normalOf([from, a, b]) {
   return normal.map((value) => value / length);
 }
 
-function shadeOf(normal, turns) {
-  const towards = turns ? normal[2] : normal.reduce((sum, value, axis) => sum + value * LIGHT[axis], 0);
+function shadeOf(normal, light = LIGHT) {
+  const towards = normal.reduce((sum, value, axis) => sum + value * light[axis], 0);
   return DARKEST + (1 - DARKEST) * (0.5 + 0.5 * towards);
 }
 
@@ -43,30 +65,30 @@ export function copter() {
     const ends = [[-0.62, -0.62 * y], [0.62, 0.62 * y]];
     triangles.push(...fan([...ends.map(([dx, dy]) => [dx + 0.05 * y, dy - 0.05, 0.08]), ...ends.reverse().map(([dx, dy]) => [dx - 0.05 * y, dy + 0.05, 0.08])]));
   }
-  return form(triangles);
+  return smooth(triangles);
 }
 
 // What is left of it from far away: 6 triangles.
 export function farCopter() {
   const [nose, left, right] = [[1.1, 0, 0], [-0.8, 0.8, 0], [-0.8, -0.8, 0]];
   const sides = [[nose, left], [left, right], [right, nose]];
-  return form(sides.flatMap(([a, b]) => [[a, b, [-0.2, 0, 0.5]], [b, a, [-0.2, 0, -0.3]]]));
+  return smooth(sides.flatMap(([a, b]) => [[a, b, [-0.2, 0, 0.5]], [b, a, [-0.2, 0, -0.3]]]));
 }
 
 // What drives: the arrow of the map, as high as wide.
 export function rover() {
   const arrow = [[1.35, 0], [-0.9, 0.8], [-0.45, 0], [-0.9, -0.8]];
-  return form([...fan([2, 3, 0, 1].map((at) => [...arrow[at], 0.7])), ...sidesOf(arrow, 0.7)]);
+  return smooth([...fan([2, 3, 0, 1].map((at) => [...arrow[at], 0.7])), ...sidesOf(arrow, 0.7)]);
 }
 
 export function farRover() {
   const corners = [[1.35, 0, 0], [-0.9, 0.8, 0], [-0.9, -0.8, 0]];
-  return form(corners.map((corner, at) => [corner, corners[(at + 1) % 3], [-0.4, 0, 0.8]]));
+  return smooth(corners.map((corner, at) => [corner, corners[(at + 1) % 3], [-0.4, 0, 0.8]]));
 }
 
 // A disc that lies on the ground.
 export function disc() {
-  return form(fan(HEXAGON.map(([x, y]) => [x, y, 0])));
+  return smooth(fan(HEXAGON.map(([x, y]) => [x, y, 0])));
 }
 
 // What is solid, as prisms. obstacles: as in a scene. triangulate(contour, holes): gives triangles by the indices of their
@@ -80,7 +102,7 @@ export function prisms(obstacles, high, triangulate) {
       for (const corner of triangulate(contour, holes)) triangles.push(upwards(corner.map((at) => [...corners[at], high])));
     }
   }
-  return form(triangles, false);
+  return faceted(triangles);
 }
 
 const sidesOf = (outline, high) =>

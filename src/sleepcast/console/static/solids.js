@@ -2,25 +2,35 @@
 // trails. All of it is flat colour with the shade of its form, which software draws fast; there are no lamps.
 
 import { copter, disc, farCopter, farRover, prisms, rover } from "./forms.js";
+import { Herd } from "./herd.js";
 
-const NEAR_FORMS = 2000; // robots that have all of their form, and shadows; more are a few triangles each
+const SHADOWS = 2000; // robots; more have none, and only a few triangles each
+const ALL_FORMS = 300; // robots that have all of their form however small they are,
+const SEEN = 7; // pixels: half the length at which others have it
+const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i; // what draws where there is no graphics card
 const SHADOW = 0.28; // opacity
 const ABOVE = 0.002; // of the distance to the eye: what lies on the ground is drawn so far above it
+const LAID = {
+  vertexShader: "varying vec2 at; void main() { at = uv; gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0); }",
+  fragmentShader: "uniform sampler2D map; varying vec2 at; void main() { gl_FragColor = texture2D(map, at); }",
+}; // a picture and nothing else: it fills the canvas, and each step more is one for a million pixels
 
 export class Solids {
   // three: the module three.js. canvas: to be drawn on. Throws where the browser has no WebGL.
   constructor(three, canvas) {
     this.three = three;
     three.ColorManagement.enabled = false; // colours are the page's, as they are
-    this.renderer = new three.WebGLRenderer({ canvas, antialias: true, powerPreference: "low-power" });
+    this.renderer = new three.WebGLRenderer({ canvas, context: contextOf(canvas) });
     this.renderer.outputColorSpace = three.LinearSRGBColorSpace;
     this.scene = new three.Scene();
     this.camera = new three.PerspectiveCamera();
     this.camera.up.set(0, 0, 1);
     this.paint = new three.MeshBasicMaterial({ vertexColors: true, side: three.DoubleSide });
+    this.closed = new three.MeshBasicMaterial({ vertexColors: true }); // for forms that have no seen inner side
     this.dark = new three.MeshBasicMaterial({ color: 0, transparent: true, opacity: SHADOW, depthWrite: false });
     this.lines = new three.LineBasicMaterial({ vertexColors: true, transparent: true, depthWrite: false });
     this.ground = this.walls = this.bodies = this.shadows = this.trails = null;
+    this.herds = null; // what moves these bodies and shadows: {bodies, shadows}
     this.kind = ""; // of the bodies that there are
   }
 
@@ -44,13 +54,14 @@ export class Solids {
     this.scene.add(mesh);
   }
 
-  geometry({ corners, shades }, [red, green, blue] = [1, 1, 1]) {
+  geometry({ corners, shades, triangles }, [red, green, blue] = [1, 1, 1]) {
     const { BufferAttribute, BufferGeometry } = this.three;
     const colours = new Float32Array(corners.length);
     shades.forEach((shade, corner) => colours.set([shade * red, shade * green, shade * blue], 3 * corner));
     const made = new BufferGeometry();
     made.setAttribute("position", new BufferAttribute(corners, 3));
     made.setAttribute("color", new BufferAttribute(colours, 3));
+    made.setIndex(triangles);
     return made;
   }
 
@@ -58,12 +69,13 @@ export class Solids {
 
   // sheet: the canvas that lies on the area. sky: a colour.
   setGround([left, bottom, right, top], sheet, sky) {
-    const { CanvasTexture, Mesh, MeshBasicMaterial, PlaneGeometry } = this.three;
+    const { CanvasTexture, Mesh, PlaneGeometry, ShaderMaterial } = this.three;
     this.scene.background = new this.three.Color(sky);
-    this.ground?.material.map.dispose();
+    this.ground?.material.uniforms.map.value.dispose();
     this.ground?.material.dispose();
-    const map = Object.assign(new CanvasTexture(sheet), { anisotropy: 4 });
-    const mesh = new Mesh(new PlaneGeometry(right - left, top - bottom), new MeshBasicMaterial({ map, depthWrite: false }));
+    const map = Object.assign(new CanvasTexture(sheet), { minFilter: this.three.LinearMipmapNearestFilter });
+    const material = new ShaderMaterial({ uniforms: { map: { value: map } }, ...LAID, depthWrite: false });
+    const mesh = new Mesh(new PlaneGeometry(right - left, top - bottom), material);
     mesh.position.set((left + right) / 2, (bottom + top) / 2, 0);
     mesh.renderOrder = -2;
     this.put("ground", mesh);
@@ -78,41 +90,50 @@ export class Solids {
 
   // ---- what moves
 
-  // robots: {count, poses, heights, sizes: gives the radius to draw of each, m; colours: [red, green, blue] by look; looks: of each}
+  // robots: {count, poses, heights, sizes: gives the radius to draw of each, m; seen: pixels of that in the middle of the picture;
+  // colours: [red, green, blue] by look; looks: of each}
   setBodies(robots) {
-    const { count, heights } = robots;
-    const kind = `${count} ${heights !== null}`;
-    if (kind !== this.kind) this.renew(count, heights !== null);
+    const { count, poses, heights } = robots;
+    const near = count <= ALL_FORMS || (count < SHADOWS && robots.seen >= SEEN);
+    const kind = [count, heights !== null, near].join();
+    if (kind !== this.kind) this.renew(count, heights !== null, near);
     this.kind = kind;
-    const matrices = this.bodies.instanceMatrix.array;
-    const shadows = this.shadows?.instanceMatrix.array;
+    const { bodies, shadows } = this.herds;
     for (let i = 0; i < count; i += 1) {
-      const [x, y, heading, z, size] = [robots.poses[3 * i], robots.poses[3 * i + 1], robots.poses[3 * i + 2] || 0, heights?.[i] ?? 0, robots.sizes(i)];
-      place(matrices, i, x, y, z, heading, size);
-      if (shadows) place(shadows, i, x, y, ABOVE * size, 0, z > size ? 0.8 * size : 0);
-      this.bodies.instanceColor.array.set(robots.colours[robots.looks[i]], 3 * i);
+      const [x, y, heading, z, size] = [poses[3 * i], poses[3 * i + 1], poses[3 * i + 2] || 0, heights?.[i] ?? 0, robots.sizes(i)];
+      bodies.place(i, x, y, z, heading, size);
+      bodies.dye(i, robots.colours[robots.looks[i]]);
+      shadows?.place(i, x, y, ABOVE * size, 0, z > size ? 0.8 * size : 0);
     }
-    this.bodies.instanceMatrix.needsUpdate = this.bodies.instanceColor.needsUpdate = true;
-    if (shadows) this.shadows.instanceMatrix.needsUpdate = true;
+    bodies.changed();
+    shadows?.changed();
   }
 
-  renew(count, fly) {
-    const { InstancedBufferAttribute, InstancedMesh } = this.three;
-    const near = count < NEAR_FORMS;
+  renew(count, fly, near) {
     const make = fly ? (near ? copter : farCopter) : near ? rover : farRover;
-    const bodies = new InstancedMesh(this.geometry(make()), this.paint, count);
-    bodies.instanceColor = new InstancedBufferAttribute(new Float32Array(3 * count), 3);
-    this.put("bodies", bodies);
-    this.put("shadows", fly && near ? Object.assign(new InstancedMesh(this.geometry(disc()), this.dark, count), { renderOrder: -1 }) : null);
+    const bodies = new Herd(this.three, make(), fly && near ? this.paint : this.closed, count);
+    const shadows = fly && count < SHADOWS ? new Herd(this.three, disc(), this.dark, count) : null;
+    this.put("bodies", bodies.mesh);
+    this.put("shadows", shadows && Object.assign(shadows.mesh, { renderOrder: -1 }));
+    this.herds = { bodies, shadows };
   }
 
   // corners: x, y, z of both ends of each line in turn. colours: red, green, blue and opacity of each end.
   setTrails(corners, colours) {
+    if (!this.trails || this.trails.room < corners.length) this.put("trails", this.roomForTrails(2 * corners.length));
+    const { position, color } = this.trails.geometry.attributes;
+    position.array.set(corners);
+    color.array.set(colours);
+    position.needsUpdate = color.needsUpdate = true;
+    this.trails.geometry.setDrawRange(0, corners.length / 3);
+  }
+
+  roomForTrails(room) {
     const { BufferAttribute, BufferGeometry, LineSegments } = this.three;
     const made = new BufferGeometry();
-    made.setAttribute("position", new BufferAttribute(corners, 3));
-    made.setAttribute("color", new BufferAttribute(colours, 4));
-    this.put("trails", corners.length ? new LineSegments(made, this.lines) : null);
+    made.setAttribute("position", new BufferAttribute(new Float32Array(room), 3));
+    made.setAttribute("color", new BufferAttribute(new Float32Array((4 * room) / 3), 4));
+    return Object.assign(new LineSegments(made, this.lines), { room });
   }
 
   // Draw all, as an orbit sees it.
@@ -128,16 +149,14 @@ export class Solids {
   }
 }
 
-// Where a body of this size stands, as the columns of its matrix.
-function place(matrices, i, x, y, z, heading, size) {
-  const [c, s] = [size * Math.cos(heading), size * Math.sin(heading)];
-  const at = 16 * i;
-  matrices[at] = matrices[at + 5] = c;
-  matrices[at + 1] = s;
-  matrices[at + 4] = -s;
-  matrices[at + 10] = size;
-  matrices[at + 12] = x;
-  matrices[at + 13] = y;
-  matrices[at + 14] = z;
-  matrices[at + 15] = 1;
+// What the canvas is drawn with. Edges are smooth where a graphics card does it: software would take twice as long. Throws where
+// there is no WebGL.
+function contextOf(canvas) {
+  const probe = document.createElement("canvas").getContext("webgl2");
+  if (!probe) throw new Error("the browser has no WebGL");
+  const about = probe.getExtension("WEBGL_debug_renderer_info");
+  const drawnBy = probe.getParameter(about ? about.UNMASKED_RENDERER_WEBGL : probe.RENDERER);
+  probe.getExtension("WEBGL_lose_context")?.loseContext();
+  return canvas.getContext("webgl2", { alpha: false, antialias: !SOFTWARE.test(drawnBy), powerPreference: "low-power" });
 }
+

@@ -72,7 +72,7 @@ export class Space {
       this.resize();
     } catch (error) {
       this.open(false);
-      this.said(`The view in three dimensions cannot be shown: ${error.message}. It needs WebGL, which some browsers turn off.`);
+      this.said(`The view in three dimensions cannot be shown: ${error.message}. Turn on WebGL in its settings, or use another one.`);
     }
   }
 
@@ -143,7 +143,7 @@ export class Space {
     this.drawStill();
     this.drawTrails();
     const { count, poses, heights } = world.frame;
-    solids.setBodies({ count, poses, heights, sizes: (i) => this.radius(i), colours: this.inks(), looks: this.codes() });
+    solids.setBodies({ count, poses, heights, sizes: (i) => this.radius(i), colours: this.inks(), looks: this.codes(), seen: this.seen });
     solids.render(orbit);
     this.drawOver();
   }
@@ -159,6 +159,13 @@ export class Space {
     this.orbit.project(poses, heights, this.frame.poses, this.depths);
     this.radii = radiiOf(this.world.scene.sizes, count, this.radii);
     this.least = grown(SMALLEST) / this.orbit.focus;
+  }
+
+  // Pixels of half the length of a robot, in the mean, in the middle of the picture.
+  get seen() {
+    const { sizes, count } = this.world.scene;
+    const mean = sizes.reduce((sum, [robots, radius]) => sum + robots * radius, 0) / Math.max(1, count);
+    return (mean * this.orbit.focus) / this.orbit.distance;
   }
 
   // Half of a robot's length, m: its own, but never too small to see.

@@ -3,6 +3,7 @@
 const DEPTH = 15; // samples kept of each robot
 const EVERY = 180; // ms between samples
 const BANDS = [0.42, 0.22, 0.1]; // opacity, youngest to oldest
+const MAX_LINES = 2000; // in space, where software takes 5 us for each; many robots have fewer and longer ones, of fewer samples
 const MAX = 5000; // robots; beyond, trails would only be a fog
 const LEAP = 3; // times as much time as was wanted has passed: a slider was moved, and nobody drove there
 
@@ -83,13 +84,14 @@ export class Trails {
 // All trails as lines in space: {corners: x, y and z of both ends of each in turn; colours: red, green, blue and opacity of each
 // end}. samples: youngest first. palette: red, green and blue of 1 of each ink.
 export function trailLines(samples, inks, palette, area) {
-  const most = 2 * inks.length * Math.max(0, samples.length - 1);
+  const step = Math.max(1, Math.ceil((inks.length * (samples.length - 1)) / MAX_LINES)); // samples from one end to the other
+  const most = 2 * inks.length * Math.max(0, Math.floor((samples.length - 1) / step));
   const [corners, colours] = [new Float32Array(3 * most), new Float32Array(4 * most)];
   const perBand = Math.ceil(DEPTH / BANDS.length);
   let end = 0;
-  for (let k = 1; k < samples.length; k += 1) {
+  for (let k = step; k < samples.length; k += step) {
     const opacity = BANDS[Math.min(BANDS.length - 1, Math.floor((k - 1) / perBand))];
-    const [before, after] = [samples[k], samples[k - 1]];
+    const [before, after] = [samples[k], samples[k - step]];
     for (let i = 0; i < inks.length; i += 1) {
       if (Number.isNaN(before.xy[2 * i] + after.xy[2 * i]) || goesAround(before.xy, after.xy, i, area)) continue;
       for (const { xy, z } of [before, after]) {

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterable
 from contextlib import nullcontext
+from pathlib import Path
 
 import pytest
 
 from cli.calling import called_here
 from safety.scene import START, Scene
 from sleepcast.channel import Kind, Message
+from sleepcast.channel.admission import Admission
+from sleepcast.channel.keys import PublicKey, Trust
+from sleepcast.channel.message import Role
 from sleepcast.cli.tui.session import TuiSession
 from sleepcast.console.adapters.channel import EMPTY, FleetAdapter
 from sleepcast.console.features.send import Send
@@ -18,6 +23,7 @@ from sleepcast.console.network import NetworkBackend
 from sleepcast.console.outgoing import Refused
 from sleepcast.console.swarm_dialogue import SwarmDialogue
 from sleepcast.console.view import Scene as Ground
+from sleepcast.core.clock import ManualClock
 from sleepcast.core.model import Quantity
 from sleepcast.language import CheckError, HostFunction, Vocabulary
 from sleepcast.mind.telemetry import vocabulary_text
@@ -26,9 +32,10 @@ from sleepcast.station.network import PRESENT_FOR, NetworkStation
 from sleepcast.station.prepared import Terms
 from sleepcast.station.remote import RemoteMinds, TelemetryClient
 from sleepcast.station.validation import Audience
-from sleepcast.station.whose_names import WITHOUT_THESE
+from sleepcast.station.whose_names import OTHERS_ONLY, WITHOUT_THESE
 from station.far import Far
 
+OF_0_2_0 = Path(__file__).resolve().parent.parent / "of_0_2_0"
 DRIVE = "(DRIVE 0.2m/s)"
 
 
@@ -208,7 +215,8 @@ def test_the_names_of_some_are_in_the_slots_of_all() -> None:
 def test_the_desk_refuses_a_new_form_while_a_robot_is_there_that_does_not_know_it(text: str, place: str) -> None:
     fleet = mixed()
     desk, insists = fleet.desk, Terms(everybody=True, anyway=True)
-    why = f"{place} is not known to old (tiny): {WITHOUT_THESE}"
+    body = any(name in text for name in ("SCAN", "SEES"))
+    why = f"{place} is not known to old (tiny): {OTHERS_ONLY if body else WITHOUT_THESE}"
     fleet.tell("r1")
     early = desk.prepare(text, Terms(everybody=True))
     fleet.tell("tiny")
@@ -315,3 +323,51 @@ def test_the_terminal_desk_refuses_it_until_the_robot_has_left() -> None:
     seat.leave()
     assert session.enter(GUARD)
     assert seat.sent() == [GUARD]
+
+
+# ---- a real robot of version 0.2.0, as it was heard
+
+
+def told_by_0_2_0() -> tuple[list[Message], float]:
+    """What it told a later desk of itself and of commands that it did not know, and when, s."""
+    found = json.loads((OF_0_2_0 / "told.json").read_text(encoding="utf-8"))
+    key = PublicKey("r*", Role.ROBOT, bytes.fromhex(found["public"]))
+    admission = Admission(Trust((key,)), found["fleet"], ManualClock(found["issued"]), robot=False)
+    entered = [admission.enter(bytes.fromhex(each)) for message in found["messages"] for each in message["datagrams"]]
+    return [each.message for each in entered if each is not None], found["issued"]
+
+
+@pytest.mark.parametrize(
+    ("text", "form"),
+    [
+        ("(BEST 1 (DIST x y 0m 0m) (> id 0) (JOIN a))", "BEST"),
+        ("(QUORUM 1 2 (> id 0) (JOIN a))", "QUORUM"),
+        ("(AFTER-ISSUE 3s (JOIN a))", "AFTER-ISSUE"),
+        ("(HATCH sheep 1)", "HATCH"),
+        ("(DIE)", "DIE"),
+    ],
+)
+def test_a_robot_of_0_2_0_is_sent_nothing_that_it_does_not_know(text: str, form: str) -> None:
+    messages, issued = told_by_0_2_0()
+    minds, scene = RemoteMinds(), Scene(robots=0)
+    desk = scene.desk(heard=(), minds=minds)
+    for message in messages:
+        minds.take(message, issued)
+        desk.hear(message)
+    assert set(minds) == {"r1"}, "its type was understood"
+    desk.vocabulary = minds.vocabulary
+    with pytest.raises(CheckError, match=rf"{form} at 1:2 is not known to scout \(r1\): send this by name to robots"):
+        desk.send(text, everybody=True, confirmed=True)
+    assert not desk.check("(WHEN (> x 1m) (JOIN a))").errors
+
+
+def test_a_robot_of_0_2_0_answers_in_a_sentence_what_it_does_not_know() -> None:
+    faults = [message.body.get("fault") for message in told_by_0_2_0()[0]]
+    assert [fault for fault in faults if fault] == [
+        f"this robot has no function {form} in {text}"
+        for form, text in (
+            ("AFTER-ISSUE", "(AFTER-ISSUE 3s (JOIN c))"),
+            ("BEST", "(BEST 1 (DIST x y 0m 0m) (> id 0) (JOIN a))"),
+            ("HATCH", "(HATCH sheep 1)"),
+        )
+    ]

@@ -40,6 +40,8 @@ FEW = 3
 """Robots in a sentence."""
 WITHOUT_THESE = "send this by name to robots that know it (--only), or update these first"
 """What to do about robots that would refuse a text with a new form."""
+OTHERS_ONLY = "send this by name to robots that have it (--only): no update gives it to other bodies"
+"""The same of a function of some bodies."""
 _WORDS = sorted({*NEW_FORMS, *ABOUT_NEIGHBOURS, *BODY_WORDS, *AUCTIONS, *INSTANTS})
 NEW_WORDS = re.compile(rf"(?<![\w-])({'|'.join(map(re.escape, _WORDS))})(?![\w-])", re.I)
 """What a text has in it that has a new form; so may others."""
@@ -128,7 +130,9 @@ def refuse_forms(checked: Checked, minds: RemoteMinds, robots: Sequence[str]) ->
                 types.setdefault(kind, []).append(name)
         if types:
             whose = " and ".join(_named(minds.types[kind], names) for kind, names in types.items())
-            message = f"{form.text} @@ is not known to {whose}: {WITHOUT_THESE}"
+            message = (
+                f"{form.text} @@ is not known to {whose}: {OTHERS_ONLY if known_as in BODY_WORDS else WITHOUT_THESE}"
+            )
             found.note("error", message, form.start, form.end)
     return checked if found.counts == checked.counts else replace(checked, found=found, program=None)
 

@@ -187,6 +187,7 @@ class RecordedRun:
         for name in only:
             self._check(name, ever)
         self.wanted = {name: ever[name] for name in only} if only else ever
+        self._order = {name: place for place, name in enumerate(self.wanted)}
         self._know(self._first)
         sorts = (with_room(scenario) if self.changes else scenario).each_type
         parts = zip(sorts, slices(sorts, len(self._first)), strict=True)
@@ -208,9 +209,9 @@ class RecordedRun:
     def _know(self, names: tuple[str, ...]) -> None:
         """These are there from now on. Those that are wanted keep the order in which they are wanted."""
         self.names = names
-        there = [(name, row) for name, (row, _) in self.wanted.items() if row < len(names) and names[row] == name]
-        self.chosen_names = [name for name, _ in there]
-        self.chosen = np.array([row for _, row in there], np.intp)
+        rows = {name: row for row, name in enumerate(names) if name in self._order}
+        self.chosen_names = sorted(rows, key=self._order.__getitem__)
+        self.chosen = np.array([rows[name] for name in self.chosen_names], np.intp)
 
     def facts(self) -> dict[str, object]:
         """What describes the run, for the metadata of an export."""

@@ -74,9 +74,9 @@ class Simulator:
         added = payload.sensors if payload else ()
         self.bodies = Bodies(scenario, self.seed, machine, added, known)
         self.population: Population | None = None
+        """Which robots are there, where they come and go."""
         self.turnover: Turnover | None = None
         """Who has come and gone at the end of the last tick; None if nobody has."""
-        """Which robots are there, where they come and go."""
         if comes_and_goes(scenario):
             if payload:
                 raise MisuseError(f"{scenario.name}: robots of classes of one's own do not come and go (hatch = true)")

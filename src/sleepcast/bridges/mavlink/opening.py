@@ -12,10 +12,12 @@ from typing import Any
 from sleepcast.bridges import Opening
 from sleepcast.bridges.address import BodyAddress, BodyError, read_body_address
 from sleepcast.bridges.body import PATIENCE, OutOfReachError
+from sleepcast.bridges.mavlink.fences import fence_of
 from sleepcast.bridges.mavlink.link import LINK, MavlinkConnection, open_link, system_of
 from sleepcast.bridges.mavlink.model import MODES, PLANE
 from sleepcast.bridges.mavlink.plane import MavlinkPlane
 from sleepcast.bridges.mavlink.plans import Plan, read_plans
+from sleepcast.bridges.mavlink.transfer import Party
 from sleepcast.bridges.mavlink.vehicle import GCS_COMPONENT_ID, GCS_SYSTEM_ID, USUAL, MavlinkVehicle
 from sleepcast.core.geodesy import LocalMap, Origin
 from sleepcast.core.model import MapOutline
@@ -24,7 +26,15 @@ from sleepcast.robot import Limits
 EXAMPLE = "mavlink://0.0.0.0:14550?listen=yes&key=vehicle.key#1"
 PORT = 14_550
 OF_KIND = ("speed", "turn_rate", "acceleration", "ceiling", "floor", "height", "circle")
-SETTINGS = {**LINK, "failsafe": "loiter", "origin": "", **dict.fromkeys(OF_KIND, ""), "altitude": "", "plans": ""}
+SETTINGS = {
+    **LINK,
+    "failsafe": "loiter",
+    "origin": "",
+    **dict.fromkeys(OF_KIND, ""),
+    "altitude": "",
+    "plans": "",
+    "fence": "",
+}
 """What can be set in a URI, and what holds otherwise; of `OF_KIND` that depends on the vehicle. Speeds in m/s, rad/s;
 ceiling, floor, and the height of a take-off: m above where it started; altitude of z = 0: m above the sea; circle: the
 radius in which a plane circles, m."""
@@ -88,8 +98,11 @@ def _body(
         raise BodyError(f"{address.uri!r:.100}: this vehicle has no mode {failsafe}; {lands}wanted {known}")
     origin, altitude = _frame(address)
     limits, height = _limits(address, FLYING_ON if modes is PLANE else HOVERING)
+    earth = None if origin is None else LocalMap(origin)
+    fence = fence_of(address, link, Party(system, GCS_SYSTEM_ID, GCS_COMPONENT_ID), earth)
+    limits = replace(limits, inside=fence.inside, outside=fence.outside)
     make = MavlinkPlane if modes is PLANE else MavlinkVehicle
-    outlines = [] if origin is None else [_way(plan, LocalMap(origin)) for plan in plans]
+    outlines = [*fence.outlines(), *(() if earth is None else (_way(plan, earth) for plan in plans))]
     vehicle = make(
         link,
         system,

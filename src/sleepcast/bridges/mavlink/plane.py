@@ -52,6 +52,8 @@ class MavlinkPlane(MavlinkVehicle):
         """Where it circles, or goes to circle, in GUIDED; None until it is known where."""
         self._told: Circle | None = None
         """What it was told of that, None if that has failed."""
+        self._roomy: tuple[float, float] | None = None
+        """The last place where there was room for a circle."""
         self._tell_again = 0.0
         """When it is told again, s."""
 
@@ -92,13 +94,13 @@ class MavlinkPlane(MavlinkVehicle):
             self._ask_to_arm(tick)
 
     def here(self) -> tuple[float, float]:
-        x, y = super().here()
-        fence = self.model.limits.fence
-        if fence is None:
-            return x, y
-        left, bottom, right, top = fence
-        margin = self.CIRCLE
-        return min(max(x, left + margin), right - margin), min(max(y, bottom + margin), top - margin)
+        """Where it is, or, if its circle there would pass the fence, a place near by."""
+        (x, y), limits = super().here(), self.model.limits
+        if limits.fence is not None:
+            left, bottom, right, top = limits.fence
+            x = min(max(x, left + self.CIRCLE), right - self.CIRCLE)
+            y = min(max(y, bottom + self.CIRCLE), top - self.CIRCLE)
+        return (x, y) if limits.holds(x, y, self.CIRCLE) or self._roomy is None else self._roomy
 
     # ---- what is sent
 
@@ -141,6 +143,9 @@ class MavlinkPlane(MavlinkVehicle):
     def carry_out(self, motion: Motion) -> None:
         if self._mode != self._modes[GUIDED]:
             self._circle = self._told = None
+        place = super().here()
+        if isfinite(sum(place)) and self.model.limits.holds(*place, self.CIRCLE):
+            self._roomy = place
         super().carry_out(motion)
 
     def _rise(self, motion: Motion) -> None:

@@ -53,7 +53,7 @@ from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, printable
 from sleepcast.core.geodesy import LocalMap, Origin
 from sleepcast.core.model import MapOutline
-from sleepcast.robot import Limits, Reading, hovering
+from sleepcast.robot import FencedError, Limits, Reading, hovering
 
 USUAL = 5.0
 """m: the height of a take-off."""
@@ -396,6 +396,10 @@ class MavlinkVehicle(BridgedBody):
         hovering.check_place(self.model.limits, x, y, self.CIRCLE)
         if self._map is None:
             raise MisuseError("the vehicle has not said yet where it is")
+        known, limits = self._sensed(), self.model.limits
+        here = known.get("x", nan), known.get("y", nan)
+        if limits.holds(*here) and not limits.holds_way(here, (x, y)):
+            raise FencedError(f"the way to ({x:g}, {y:g}) m passes the fence")
         height = self._values.get("height", nan)
         if isfinite(z) and self._flies:
             height += z - self._values.get("z", nan)

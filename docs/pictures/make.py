@@ -271,6 +271,7 @@ MOMENTS = {
     "overwhelm": 44.0,
     "recruit": 50.0,
     "recruit-best": 49.0,
+    "rehearsal": 20.0,
     "search": 20.0,
 }
 """Simulated seconds until the moment of a scenario that is shown; else half of its run."""

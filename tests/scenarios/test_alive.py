@@ -27,10 +27,12 @@ def few_of(name: str) -> Scenario:
 
 
 def shown(swarm: Swarm) -> tuple[bytes, bytes, bytes, int]:
-    """What the map shows: where robots are, to a hundredth of the world; how they are marked; colours; groups."""
+    """What the page shows: where robots are, to a hundredth of the world, how they are marked; colours; groups."""
     simulator = swarm.simulator
     fine = 100.0 / max(simulator.scenario.width, simulator.scenario.height)
-    poses = np.round([simulator.x * fine, simulator.y * fine, 5.0 * simulator.bodies.heading]).tobytes()
+    heights = np.zeros(1) if simulator.heights is None else 5.0 * simulator.heights
+    places = np.round([simulator.x * fine, simulator.y * fine, 5.0 * simulator.bodies.heading])
+    poses = places.tobytes() + np.round(heights).tobytes()
     return poses, flags_of(swarm.minds, None), bytes(simulator.colours()), sum(swarm.fleet.members().values())
 
 

@@ -14,7 +14,7 @@ from sleepcast.simulator import Scenario, SettingsError, Simulator, find_scenari
 from sleepcast.simulator.scenario.mission import instruction
 from sleepcast.simulator.scenario.scenario import GALLERY
 
-WITHOUT_FIGURE = ("calibrate", "crowd", "flood", "maze", "stop", "two-desks")
+WITHOUT_FIGURE = ("calibrate", "crowd", "flood", "maze", "rehearsal", "stop", "two-desks")
 """These show a command, or a crowd, rather than a law; that of stop is in docs/scenarios.md."""
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 

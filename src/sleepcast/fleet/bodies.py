@@ -31,6 +31,9 @@ class ManyBodies(Protocol):
 
     def release(self, robots: Index, /) -> None: ...
 
+    def let_go(self, robots: Index, /) -> None:
+        """See `Failsafe`."""
+
     def hold(self, robots: Index, still: Mask, /) -> None: ...
 
 
@@ -112,8 +115,7 @@ class FleetBodies:
             robots[rows.index] = False
         moving = rows.take(~self._state.stopped[rows.index])
         if self._many is not None:
-            self._many.stop(moving.robots)
-            self._many.release(moving.robots)
+            self._many.let_go(moving.robots)
             return moving
         for body in map(self._bodies.__getitem__, moving.robots.tolist()):
             if isinstance(body, Failsafe):

@@ -15,7 +15,8 @@ from sleepcast.core.given_numbers import read_seed
 from sleepcast.core.threads import ThreadPool
 from sleepcast.robot import RobotModel
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Flags, Floats, Mode, Saying, Whole
-from sleepcast.simulator.bodies.body import TUMBLE, Body, BodySenses, model_of
+from sleepcast.simulator.bodies.body import TUMBLE, Body, BodySenses, FlyingBody, model_of
+from sleepcast.simulator.bodies.crashes import crash
 from sleepcast.simulator.bodies.payload import Payload
 from sleepcast.simulator.bodies.pilot import Results, pilot_of
 from sleepcast.simulator.bodies.population import Population, Turnover
@@ -152,6 +153,8 @@ class Simulator:
             things = (*scenario.shapes, *scenario.absent)
             apply_events(self.world, scenario.events, things, self.tick + 1, scenario.tick)
         step(self.bodies)
+        if self.bodies.flight:
+            crash(self.bodies, self.bodies.flight, self.names)
         self.senses.step()
         if self.payload:
             self.payload.halt(np.flatnonzero(self.bodies.stopped & ~self._halted))
@@ -313,7 +316,8 @@ class Robots(Sequence[Body]):
     def __getitem__(self, number: int | slice) -> Body | list[Body]:
         if isinstance(number, slice):
             return [self[i] for i in range(*number.indices(len(self)))]
-        return Body(self.bodies, self.senses, self._model, range(len(self))[number])
+        kind = Body if self.bodies.flight is None else FlyingBody
+        return kind(self.bodies, self.senses, self._model, range(len(self))[number])
 
     def stop(self, robots: Whole) -> None:
         """See `Robot.stop`."""
@@ -323,6 +327,13 @@ class Robots(Sequence[Body]):
     def release(self, robots: Whole) -> None:
         """See `Robot.release`."""
         self.bodies.stopped[robots] = False
+
+    def let_go(self, robots: Whole) -> None:
+        """See `Failsafe.let_go`."""
+        self.stop(robots)
+        self.release(robots)
+        if self.bodies.flight is not None:
+            pilot_of(self.bodies).let_go(robots)
 
     def hold(self, robots: Whole, still: Flags) -> None:
         """See `Robot.hold`; still: one flag per robot."""

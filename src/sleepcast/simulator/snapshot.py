@@ -25,6 +25,7 @@ from sleepcast.simulator.bodies.bodies import MAX_SAYINGS, Mode, Saying
 from sleepcast.simulator.bodies.population import MAX_BIRTHS, NOBODY
 from sleepcast.simulator.packing import pack, unpack
 from sleepcast.simulator.scenario.fields import ScalarField, bounds_of_fields
+from sleepcast.simulator.scenario.flight import HIGHEST
 from sleepcast.simulator.scenario.population import rooms
 from sleepcast.simulator.scenario.robot_settings import (
     LEAST,
@@ -192,6 +193,10 @@ def _check(simulator: Simulator) -> None:
     for name in ("speed", "left", "right", "wanted_speed", "wanted_turn", "swing", "roaming"):
         within(getattr(bodies, name), -np.finfo(np.float64).max, np.finfo(np.float64).max, name)
     within(bodies.mode, min(Mode), max(Mode), "mode")
+    if bodies.flight is not None:
+        for name in ("velocity_x", "velocity_y", "wanted_side", "wanted_climb"):
+            within(bodies.flight.columns[name], -np.finfo(np.float64).max, np.finfo(np.float64).max, name)
+        within(np.nan_to_num(bodies.flight.z), -2.0 * HIGHEST, 2.0 * HIGHEST, "z")
     for ring in bodies.rings:
         columns = ring.arrays()
         if columns:
@@ -288,6 +293,10 @@ def _bounds_of(robots: RobotSpec) -> Iterator[tuple[str, float, float, float]]:
     yield "m as a radius", robots.geometry.radius, LEAST, MAX_WORLD
     for limit in (robots.limits.speed, robots.limits.turn_rate, robots.limits.acceleration):
         yield "as a limit of motion", limit, LEAST, 10_000.0
+    if robots.flight is not None:
+        yield "m/s as a climb rate", robots.limits.climb, LEAST, 10_000.0
+        yield "m/s in a landing", robots.flight.sink, LEAST, 10_000.0
+        yield "m as a ceiling", robots.limits.ceiling, robots.limits.floor, HIGHEST
     yield "stores", len(robots.stores), 0, MAX_STORES
     yield "sonars", robots.geometry.sonars, 0, 360
     yield "bumpers", robots.bumpers, 0, MAX_BUMPERS

@@ -15,7 +15,7 @@ from sleepcast.console.adapters.recording import load_timeline
 from sleepcast.console.frames import places_of
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.settings import SettingsError
-from sleepcast.robot import FencedError, Setpoint, hovering
+from sleepcast.robot import Failsafe, FencedError, Setpoint, hovering
 from sleepcast.simulator import Simulator, read_scenario
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.recording.foxglove import read_heights
@@ -126,7 +126,7 @@ def test_four_numbers_drive_it_and_a_place_ends_them() -> None:
 def test_it_comes_to_rest_before_floor_ceiling_and_edges() -> None:
     simulator = sky()
     body, limits = simulator.robots[HIGH], simulator.model.limits
-    for climb, end in ((1.0, limits.ceiling), (-1.0, limits.floor)):
+    for climb, end in ((-1.0, limits.floor), (1.0, limits.ceiling)):
         body.act(Setpoint(climb=climb))
         heights = []
         for _ in range(400):
@@ -211,6 +211,78 @@ def test_a_battery_is_used_up_by_hovering_and_lands_it_when_empty() -> None:
     steps(simulator, 20.0)
     assert sensed(simulator, HIGH)["z"] == 0.0
     assert "its battery is empty" in refused(lambda: simulator.robots[HIGH].take_off(3.0))
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+def test_copters_that_touch_crash_and_fall_and_stay(machine: Machine) -> None:
+    text = SKY.replace("[robots]", 'edge = "torus"\n\n[robots]').replace(
+        '"180deg"]]', '"180deg", "", "8m"], ["59m", "20m", "0deg", "", "9m"], ["1m", "20m", "0deg", "", "9m"]]'
+    )
+    simulator = sky(machine, text.replace(', ""', ', "c{}"').format(3, 4, 5))
+    for robot, x, y in ((1, 25.0, 10.0), (2, 25.0, 10.0), (3, 0.5, 20.0)):
+        simulator.robots[robot].go_to(x, y)
+    steps(simulator, 3.0)
+    flight = simulator.bodies.flight
+    assert flight is not None
+    assert flight.crashed.tolist() == [0.0, 1.0, 1.0, 1.0, 1.0], "two in the air, and two across the edge"
+    assert flight.armed.tolist() == [0.0] * 5
+    assert [(saying.robot, saying.text) for saying in simulator.sayings] == [
+        *((3, "has crashed into c5"), (4, "has crashed into c4")),
+        *((1, "has crashed into c3"), (2, "has crashed into high")),
+    ]
+    steps(simulator, 3.0)
+    assert flight.z.tolist() == [0.0] * 5
+    assert refused(lambda: simulator.robots[1].take_off(3.0)) == hovering.LOCKED_MOTORS
+    assert len(simulator.sayings) == 4
+
+
+def test_who_falls_falls_as_fast_as_things_do_and_takes_others_down() -> None:
+    text = SKY.replace(
+        '"180deg"]]', '"180deg"], ["20m", "10.5m", "0deg", "b", "8m"], ["20m", "10m", "0deg", "c", "3m"]]'
+    )
+    simulator = sky(text=text)
+    heights = []
+    for _ in range(20):
+        simulator.step()
+        heights.append(sensed(simulator, HIGH)["z"])
+    moments = 0.1 * np.arange(12)
+    assert heights[:12] == pytest.approx(8.0 - 9.81 / 2.0 * moments**2)
+    assert heights[-1] == 0.0
+    assert [saying.text for saying in simulator.sayings][-1].startswith("has crashed into")
+    assert {saying.robot for saying in simulator.sayings} == {1, 3, 4}
+
+
+def test_copters_on_the_ground_touch_nobody_and_a_near_miss_is_none() -> None:
+    text = SKY.replace('"180deg"]]', '"180deg"], ["30.4m", "10m", "0deg", "b"], ["21.1m", "10m", "0deg", "c", "8m"]]')
+    simulator = sky(text=text)
+    steps(simulator, 1.0)
+    assert not simulator.sayings
+    simulator.robots[3].take_off(5.0)
+    steps(simulator, 0.2)
+    assert [saying.robot for saying in simulator.sayings] == [2, 3], "it took off beside one that stood too near"
+
+
+def test_fast_ones_do_not_pass_through_each_other() -> None:
+    text = SKY.replace(
+        'like = "copter"', 'like = "copter"\nlimits = { speed = "50m/s", acceleration = "200m/s2" }'
+    ).replace('"180deg"]]', '"180deg"], ["40m", "10m", "0deg", "b", "8m"]]')
+    simulator = sky(text=text)
+    simulator.robots[HIGH].go_to(58.0, 10.0), simulator.robots[3].go_to(2.0, 10.0)
+    steps(simulator, 2.0)
+    assert {saying.robot for saying in simulator.sayings} == {HIGH, 3}
+
+
+def test_who_is_let_go_of_hovers_or_lands_as_its_type_says() -> None:
+    for name, lands in (("copter", False), ("crazyflie", True)):
+        simulator = sky(text=SKY.replace('"copter"', f'"{name}"').replace('"8m"', '"1m"'))
+        body = simulator.robots[HIGH]
+        body.act(Setpoint(speed=0.5))
+        steps(simulator, 1.0)
+        assert isinstance(body, Failsafe)
+        body.let_go()
+        steps(simulator, 8.0)
+        after = sensed(simulator, HIGH)
+        assert (after["z"] == 0.0, after["speed"], body.stopped) == (lands, 0.0, False)
 
 
 @pytest.mark.parametrize("machine", MACHINES)

@@ -99,33 +99,9 @@ class Body:
             bodies.mode[i] = Mode.DRIVE
             bodies.wanted_speed[i], bodies.wanted_turn[i] = speed, turn_rate
 
-    def go_to(self, x: float, y: float, z: float = nan) -> None:
-        if self._bodies.flight is None:
-            if not self.stopped:
-                self._bodies.go_to(np.array([self.number]), np.array([x]), np.array([y]))
-        else:
-            self._told(pilot_of(self._bodies).go_to, x, y, *(() if isnan(z) else (z,)))
-
-    def arm(self) -> None:
-        self._told(pilot_of(self._bodies).arm)
-
-    def disarm(self) -> None:
-        self._told(pilot_of(self._bodies).disarm)
-
-    def take_off(self, height: float = nan) -> None:
-        self._told(pilot_of(self._bodies).take_off, *(() if isnan(height) else (height,)))
-
-    def touch_down(self) -> None:
-        self._told(pilot_of(self._bodies).touch_down)
-
-    def climb(self, speed: float) -> None:
-        self._told(pilot_of(self._bodies).climb, speed)
-
-    def _told(self, command: Callable[..., Results], *numbers: float) -> None:
-        """Tell this body alone what many can be told. Raises what it refuses it with."""
-        results = command(np.array([self.number]), *(np.array([number]) for number in numbers))
-        if results is not None and isinstance(results[0], Exception):
-            raise results[0]
+    def go_to(self, x: float, y: float) -> None:
+        if not self.stopped:
+            self._bodies.go_to(np.array([self.number]), np.array([x]), np.array([y]))
 
     def wander(self) -> None:
         if not self._bodies.stopped[self.number]:
@@ -196,6 +172,41 @@ class Body:
         return geometry
 
 
+class FlyingBody(Body):
+    """A body where robots fly; see `hovering.Hovering`. It may itself stand on the ground, and refuses to fly then."""
+
+    __slots__ = ()
+
+    def let_go(self) -> None:
+        self.stop()
+        self.release()
+        pilot_of(self._bodies).let_go(np.array([self.number]))
+
+    def arm(self) -> None:
+        self._told(pilot_of(self._bodies).arm)
+
+    def disarm(self) -> None:
+        self._told(pilot_of(self._bodies).disarm)
+
+    def take_off(self, height: float = nan) -> None:
+        self._told(pilot_of(self._bodies).take_off, *(() if isnan(height) else (height,)))
+
+    def touch_down(self) -> None:
+        self._told(pilot_of(self._bodies).touch_down)
+
+    def go_to(self, x: float, y: float, z: float = nan) -> None:
+        self._told(pilot_of(self._bodies).go_to, x, y, *(() if isnan(z) else (z,)))
+
+    def climb(self, speed: float) -> None:
+        self._told(pilot_of(self._bodies).climb, speed)
+
+    def _told(self, command: Callable[..., Results], *numbers: float) -> None:
+        """Tell this body alone what many can be told. Raises what it refuses it with."""
+        results = command(np.array([self.number]), *(np.array([number]) for number in numbers))
+        if results is not None and isinstance(results[0], Exception):
+            raise results[0]
+
+
 def acting(
     name: str, dimension: Dimension, argument: str, doc: str, act: Callable[[BodySenses, Whole, Floats], None]
 ) -> HostFunction:
@@ -250,7 +261,7 @@ FUNCTIONS = (
 )
 FLIGHT_FUNCTIONS = tuple(
     replace(each, many=_by(each.call.__name__), doc=each.doc.replace("its address", "its type"))
-    for each in hovering.functions(Body)
+    for each in hovering.functions(FlyingBody)
 )
 """Where robots fly."""
 WHEEL_FUNCTIONS = (

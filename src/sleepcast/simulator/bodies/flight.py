@@ -19,7 +19,7 @@ from sleepcast.robot import Limits
 from sleepcast.simulator.motion import flying
 from sleepcast.simulator.motion.driving import DRIVE, GOTO, bounded
 from sleepcast.simulator.motion.flying import GRAVITY, FlightLaws
-from sleepcast.simulator.scenario.flight import BATTERY, SENSORS
+from sleepcast.simulator.scenario.flight import BATTERY, CRASHED, SENSORS
 from sleepcast.simulator.scenario.robot_settings import RobotSpec
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.starts import Formation, start_heights
@@ -72,6 +72,7 @@ class Flight:
 
     z: above the origin, m; nan of bodies on the ground, as all that they sense
     turn_rate, height, climb_rate, armed, flying: as `hovering.sensors` say
+    crashed: 1 of those that have crashed
     velocity_x, velocity_y: over the ground, m/s
     wanted_side, wanted_climb: of the actuators, m/s, beside the wanted speed and turn rate of `Bodies`
     target_z: where it is to come to, m; nan for nowhere, `LANDS` for the ground
@@ -81,9 +82,12 @@ class Flight:
     def __init__(self, bodies: Grounded) -> None:
         self._bodies, count = bodies, bodies.count
         names = [sensor.name for sensor in bodies.sensors]
-        rows = {name: bodies.known[names.index(name)] for name in SENSORS}
+        rows = {name: bodies.known[names.index(name)] for name in (*SENSORS, CRASHED)}
         self.z, self.turn_rate, self.height = rows["z"], rows["turn_rate"], rows["height"]
         self.climb_rate, self.armed, self.flying = rows["climb_rate"], rows["armed"], rows["flying"]
+        self.crashed = rows[CRASHED]
+        self.way: Floats = np.zeros((3, count))
+        """How far each body went in the last tick, m: in x, y and z."""
         self.velocity_x, self.velocity_y = np.zeros(count), np.zeros(count)
         self.wanted_side, self.wanted_climb = np.zeros(count), np.zeros(count)
         self.target_z = np.full(count, nan)
@@ -126,7 +130,7 @@ class Flight:
         up = self.z[rows] > GROUND
         self.armed[rows] = self.flying[rows] = up
         self.height[rows] = self.z[rows] - GROUND
-        self.climb_rate[rows] = self.turn_rate[rows] = 0.0
+        self.climb_rate[rows] = self.turn_rate[rows] = self.crashed[rows] = 0.0
 
     # ---- a tick
 
@@ -146,8 +150,9 @@ class Flight:
         way_z = np.where(falls, (self.climb_rate[rows] + rate) / 2.0 * laws.tick, way_z)
         left, bottom, right, top = laws.edges
         x, y = bounded(bodies.x[rows] + way_x, left, right), bounded(bodies.y[rows] + way_y, bottom, top)
-        bodies.x[rows], bodies.y[rows], bodies.heading[rows] = x, y, heading
+        self.way[:, rows] = x - bodies.x[rows], y - bodies.y[rows], way_z
         self.z[rows] += way_z
+        bodies.x[rows], bodies.y[rows], bodies.heading[rows] = x, y, heading
         self.velocity_x[rows], self.velocity_y[rows], self.climb_rate[rows] = east, north, rate
         self._touch_ground(up | falls)
         self._measure(turn / laws.tick)
@@ -224,6 +229,13 @@ class Flight:
             used = self._per_second[rows] * self._laws.tick + self._per_climb[rows] * np.maximum(climb, 0.0)
             self._charge[rows] = np.maximum(self._charge[rows] - np.where(up, used, 0.0), 0.0)
 
+    def lock(self, which: Whole) -> None:
+        """Let these crash: their motors stop for good."""
+        self.locked[which] = True
+        self.crashed[which], self.armed[which], self.flying[which] = 1.0, 0.0, 0.0
+        self.velocity_x[which] = self.velocity_y[which] = 0.0
+        self.rest(which)
+
     @property
     def empty(self) -> Flags | None:
         """Which bodies have used up their batteries; None where none can."""
@@ -231,6 +243,12 @@ class Flight:
             return None
         empty: Flags = self.flies & (self._charge <= 0.0)
         return empty
+
+    @property
+    def lands_alone(self) -> Flags:
+        """Which bodies land where nobody drives them any more; the others hover."""
+        types = self._bodies.scenario.each_type
+        return self._bodies.by_type([bool(each.flight and each.flight.failsafe == "land") for each in types]) > 0.0
 
     def usual_height(self, which: Whole) -> Floats:
         """m above the ground to which a take-off of these leads that does not say it."""

@@ -86,6 +86,10 @@ class Pilot(NamedTuple):
         flight.target_z[told.free] = height
         return told.results
 
+    def let_go(self, which: Whole) -> None:
+        """Land those of these bodies that land where nobody drives them any more."""
+        self.land(which[self.flight.lands_alone[which]])
+
     def land(self, which: Whole) -> None:
         """Bring these bodies down where they are."""
         up = self.flight.z[which] > GROUND

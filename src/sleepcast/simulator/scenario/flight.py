@@ -21,7 +21,9 @@ HIGHEST = 10_000.0
 """m above the ground to which anything may fly: higher, the air is another one."""
 SENSORS = ("z", "turn_rate", "height", "climb_rate", "armed", "flying")
 """What a body senses because it flies, of `hovering.sensors`."""
-NAMES = (*SENSORS, "drive_side", "drive_climb")
+CRASHED = "crashed"
+"""What a real one cannot say of itself."""
+NAMES = (*SENSORS, CRASHED, "drive_side", "drive_climb")
 """The variables that it has because it flies."""
 
 
@@ -33,12 +35,14 @@ class FlightSpec:
     height: of a take-off that says none, m above the ground
     hovers: s for which a full battery keeps it in the air, inf for ever
     climbs: m that it climbs on a full battery, apart from that
+    failsafe: "hover" or "land": what it does where nobody drives it any more
     """
 
     sink: float
     height: float
     hovers: float = inf
     climbs: float = inf
+    failsafe: str = "hover"
 
 
 def read_flight(robots: Table, limits: Limits) -> tuple[FlightSpec, Limits]:
@@ -57,6 +61,7 @@ def read_flight(robots: Table, limits: Limits) -> tuple[FlightSpec, Limits]:
             height=table.number("height", LENGTH, low=floor, high=ceiling),
             hovers=table.number("hovers", TIME, inf, low=1.0),
             climbs=table.number("climbs", LENGTH, inf, low=1.0),
+            failsafe=table.text("failsafe", "hover", choices=("hover", "land")),
         )
         return spec, replace(limits, climb=climb, floor=floor, ceiling=ceiling)
 
@@ -65,4 +70,5 @@ def flight_sensors(limits: Limits) -> tuple[Quantity, ...]:
     """What bodies sense because they fly; in a simulation, nothing that was measured grows old."""
     known = {each.name: each for each in hovering.sensors(limits, inf)}
     above_ground = replace(known["height"], doc="above the ground")
-    return tuple(above_ground if name == "height" else known[name] for name in SENSORS)
+    crashed = Quantity(CRASHED, "", 0.0, 1.0, doc="whether it has touched another one, and lies where it fell")
+    return (*(above_ground if name == "height" else known[name] for name in SENSORS), crashed)

@@ -15,6 +15,7 @@ from sleepcast.console.adapters.recording import load_timeline
 from sleepcast.console.frames import places_of
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.settings import SettingsError
+from sleepcast.loop import Swarm
 from sleepcast.robot import Failsafe, FencedError, Setpoint, hovering
 from sleepcast.simulator import Simulator, read_scenario
 from sleepcast.simulator.engine import Machine
@@ -355,3 +356,26 @@ def test_a_recording_and_a_page_have_the_heights(tmp_path: Path) -> None:
 def test_what_cannot_fly_so_is_refused(change: tuple[str, str], why: str) -> None:
     with pytest.raises(SettingsError, match=why):
         read_scenario(SKY.replace(*change))
+
+
+BALL = SKY.replace("[robots]", '[neighbours]\nreach = "20m"\n\n[robots]').replace(
+    '"180deg"]]', '"180deg"], ["20m", "13m", "0deg", "b", "12m"], ["23m", "10m", "0deg", "c", "8m"]]'
+)
+"""Around the second robot, at 8 m: one 5 m away, 4 m of it upwards; one 3 m away beside it; two on the ground."""
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        *(("(COUNT 4.9m)", 1.0), ("(COUNT 5m)", 2.0), ("(COUNT 12m)", 2.0), ("(COUNT 13m)", 4.0)),
+        *(("(NEAREST_DIST 20m)", 3.0), ("(FARTHEST_DIST 5m)", 5.0), ("(RANK_DIST 2 20m)", 5.0)),
+        *(("(MEAN_Z 5m)", 10.0), ("(MEAN_Z 20m)", 5.0), ("(NEAREST_Z 20m)", 8.0), ("(MEAN_X 5m)", 21.5)),
+        *(("(OF 4 distance)", 5.0), ("(OF 4 z)", 12.0), ("(OF 1 z)", 0.0)),
+        *(("(MAX-OVER (n 5m) (OF n z))", 12.0), ("(COUNT-OVER (n 4m) (> (OF n z) 1m))", 1.0)),
+    ],
+)
+def test_neighbours_are_those_in_a_ball(machine: Machine, text: str, value: float) -> None:
+    swarm = Swarm(Simulator(read_scenario(BALL), machine=machine))
+    swarm.step()
+    assert swarm.evaluate("high", text).value == pytest.approx(value)

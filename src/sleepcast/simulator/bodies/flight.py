@@ -250,6 +250,12 @@ class Flight:
         types = self._bodies.scenario.each_type
         return self._bodies.by_type([bool(each.flight and each.flight.failsafe == "land") for each in types]) > 0.0
 
+    def rise(self, robots: Whole, others: Whole) -> Floats:
+        """How much higher each of the others is, m; what stands on the ground is as high as that."""
+        z = np.nan_to_num(self.z)
+        rise: Floats = z[others] - z[robots]
+        return rise
+
     def usual_height(self, which: Whole) -> Floats:
         """m above the ground to which a take-off of these leads that does not say it."""
         return self._usual[which]

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from sleepcast.core.angles import CANCELLED
 from sleepcast.core.counter_rng import GOLDEN, key, mix, uniform
 from sleepcast.core.model import BodyColumn, HostFunction, NativeCall, Writing
-from sleepcast.core.neighbours import SHOWN, nearest_id
+from sleepcast.core.neighbours import nearest_id
 from sleepcast.core.records import NamedTuple
 from sleepcast.core.units import LENGTH, NONE, UNITS, Dimension, is_angle
 from sleepcast.simulator.bodies.bodies import Bodies, Flags, Floats
@@ -68,6 +68,8 @@ from sleepcast.simulator.world.torus import Images
 
 MAX_PAIRS = 1 << 20
 """Pairs of neighbours processed at once: some hundred megabytes."""
+ABOVE = "neighbour above"
+"""What is drawn by chance, besides what the plane has."""
 COLOUR = 0
 """The row of the colours in the table of shared numbers."""
 
@@ -96,8 +98,9 @@ class RangeAndBearing:
 
     def __init__(self, bodies: Bodies, model: NeighbourModel) -> None:
         self._bodies, self._model = bodies, model
-        self._compiles = bodies.machine.compiles and bodies.population is None
-        """Whether compiled code may be asked, which takes rows for numbers and each for a robot that is there."""
+        self._compiles = bodies.machine.compiles and bodies.population is None and bodies.flight is None
+        """Whether compiled code may be asked, which takes rows for numbers, each for a robot that is there, on the
+        plane."""
         self._first_group = 1 + len(model.shares)
         self._shared: Floats = np.full((self._first_group + len(model.shows_groups), bodies.count), np.nan)
         """What neighbours see in this tick: colours, shared numbers, NaN where a robot shares none, and who is in the
@@ -105,6 +108,7 @@ class RangeAndBearing:
         self._shared[COLOUR] = self._shared[self._first_group :] = 0.0
         self._set: Floats = self._shared.copy()
         tables = (bodies.x, bodies.y, bodies.heading, *bodies.sensed[:3], self._shared, self._set)
+        self._row_of_z = [sensor.name for sensor in bodies.sensors].index("z") if bodies.flight is not None else 0
         self._hides = bodies.scenario.sight.neighbours
         sight = bodies.sight.walls if self._hides else SightLines((bodies.scenario.width, bodies.scenario.height))
         self._near = Neighbourhood(bodies.scenario, model, bodies.seed, BodyTables(*tables), sight)
@@ -219,11 +223,12 @@ class RangeAndBearing:
         asking = np.zeros(bodies.count, np.bool_)
         asking[robots] = True
         bodies.sense(np.flatnonzero(asking), sonars=False)
-        row = [*SHOWN, *self._model.shares, *self._model.shows_groups].index(field) - len(SHOWN) + 1
+        shown = [*self._model.shares, *self._model.shows_groups]
+        row = shown.index(field) + 1 if field in shown else COLOUR
         if self._compiles:
             self.keep_up()
             near, quantity = self._near.begin(bodies.tick), _QUANTITIES.get(field, VALUE)
-            return bodies.machine.shown(near, quantity, max(row, COLOUR), robots, others, self._reach)
+            return bodies.machine.shown(near, quantity, row, robots, others, self._reach)
         found = np.full(robots.size, np.nan)
         if bodies.population is not None:
             others = bodies.population.rows_of(others)
@@ -235,7 +240,7 @@ class RangeAndBearing:
         dy = shortest(bodies.y[other] - bodies.y[asked], around_y)
         query = self._query(asked, np.full(asked.size, np.inf))
         pairs = self._sensed(query, np.arange(asked.size), other, dx, dy)
-        found[index[pairs.robot]] = self._field(field, max(row, COLOUR), pairs)
+        found[index[pairs.robot]] = self._field(field, row, pairs)
         return found
 
     def _field(self, field: str, row: int, pairs: Pairs) -> Floats:
@@ -246,6 +251,8 @@ class RangeAndBearing:
                 pairs.dx if field == "x" else pairs.dy
             )
             return place
+        if field == "z" and pairs.dz is not None:
+            return self.own_z(pairs.asked)[pairs.robot] + pairs.dz
         if field == "distance":
             return pairs.away
         if field == "heading":
@@ -271,7 +278,7 @@ class RangeAndBearing:
 
     def bound(self, formula: Formula, arguments: Sequence[float | None]) -> NativeCall | None:
         """How native code asks for a formula with these arguments; see `NativeForm`."""
-        code = addresses() if self._bodies.population is None else None
+        code = addresses() if self._bodies.population is None and self._bodies.flight is None else None
         if code is None or arguments[0] is None:
             return None
         self.keep_up()
@@ -298,6 +305,17 @@ class RangeAndBearing:
         self._bodies.sense(robots, sonars=False)
         frame: Floats = self._bodies.sensed[:3, robots]
         return frame
+
+    def own_z(self, robots: Whole) -> Floats:
+        """Sensed z of these robots, m; only where some fly."""
+        self._bodies.sense(robots, sonars=False)
+        z: Floats = self._bodies.sensed[self._row_of_z, robots]
+        return z
+
+    def over(self, pairs: Pairs, fold: Callable[[Pairs, Floats], Floats]) -> Floats:
+        """What a fold makes of the z of neighbours, m; only where some fly."""
+        assert pairs.dz is not None
+        return self.own_z(pairs.asked) + fold(pairs, pairs.dz)
 
     def cells(self, pairs: Pairs) -> tuple[Floats, Floats]:
         """Centroid x, y of the Voronoi cell of each robot that asked, m, within half the radius that it asked for: what
@@ -370,7 +388,8 @@ class RangeAndBearing:
         """Of the given pairs those that robots sense, as they sense them. robot: the index among those that asked;
         dx, dy: in the world's frame, m."""
         bodies, model, first = self._bodies, self._model, query.robots[robot]
-        away = np.sqrt(dx * dx + dy * dy)
+        dz = None if bodies.flight is None else bodies.flight.rise(first, other)
+        away = _length(dx, dy, dz)
         sensed: Flags = away <= query.radius[robot]
         if not np.isnan(query.colour).all():
             colour = query.colour[robot]
@@ -382,17 +401,18 @@ class RangeAndBearing:
             asked = np.flatnonzero(sensed)
             seen = other[asked]
             sensed[asked] = ~bodies.sight.behind_walls(first[asked], bodies.x[seen], bodies.y[seen])
-        pairs = Pairs(query.robots, query.radius, robot, other, dx, dy, away)
+        pairs = Pairs(query.robots, query.radius, robot, other, dx, dy, away, dz)
         if not sensed.all():
             pairs, first = pairs.where(sensed), first[sensed]
-        dx, dy, away = pairs.dx, pairs.dy, pairs.away
+        dx, dy, away, dz = pairs.dx, pairs.dy, pairs.away, pairs.dz
         if model.noise:
             size, tokens = model.noise * away, self._tokens(pairs.other, first)
             dx = dx + size * self._normal(ACROSS, tokens)
             dy = dy + size * self._normal(UP, tokens)
-            away = np.sqrt(dx * dx + dy * dy)
+            dz = None if dz is None else dz + size * self._normal(ABOVE, tokens)
+            away = _length(dx, dy, dz)
         dx, dy = self._turned(query.robots, pairs.robot, dx, dy)
-        return Pairs(query.robots, query.radius, pairs.robot, pairs.other, dx, dy, away)
+        return Pairs(query.robots, query.radius, pairs.robot, pairs.other, dx, dy, away, dz)
 
     def _tokens(self, other: Whole, first: Whole) -> NDArray[np.uint64]:
         """A number of its own for each pair, for what is drawn by chance."""
@@ -403,6 +423,13 @@ class RangeAndBearing:
         """Normal noise of this tick, one number for each token."""
         drawn = np.uint64(key(self._bodies.seed, purpose, self._bodies.tick))
         return deviates(mix(tokens * np.uint64(GOLDEN) + drawn))
+
+
+def _length(dx: Floats, dy: Floats, dz: Floats | None) -> Floats:
+    """The length of vectors, m; dz: None on the plane."""
+    squares = dx * dx + dy * dy
+    length: Floats = np.sqrt(squares if dz is None else squares + dz * dz)
+    return length
 
 
 def _reach_of(radius: Floats) -> float:
@@ -505,13 +532,18 @@ _ASKED: tuple[tuple[str, Dimension, str, Formula | OverPairs], ...] = (
     ),
 )
 """Name, dimension of the result, description, and what is asked."""
+_ASKED_ABOVE: tuple[tuple[str, Dimension, str, OverPairs], ...] = (
+    ("MEAN_Z", LENGTH, "Mean z of the neighbours within r.", lambda near, pairs: near.over(pairs, Pairs.mean)),
+    ("NEAREST_Z", LENGTH, "z of the nearest neighbour within r.", lambda near, pairs: near.over(pairs, Pairs.nearest)),
+)
+"""The same where robots fly."""
 
 
-def neighbour_functions(model: NeighbourModel) -> Iterator[HostFunction]:
-    """What expressions may call of robots that sense their neighbours in this way."""
-    yield from (_sensing(*each) for each in _ASKED)
+def neighbour_functions(model: NeighbourModel, *, flies: bool) -> Iterator[HostFunction]:
+    """What expressions may call of robots that sense their neighbours in this way. flies: whether some do."""
+    yield from (_sensing(*each) for each in (*_ASKED, *(_ASKED_ABOVE if flies else ())))
     yield _ranking()
-    yield _telling_apart(model)
+    yield _telling_apart(model, flies=flies)
     yield _sharing("COLOUR", "number", COLOUR, NONE)
     for row, share in enumerate(model.shares.items(), 1):
         yield from _of_share(row, *share)
@@ -612,7 +644,7 @@ def _ranking() -> HostFunction:
     )
 
 
-def _telling_apart(model: NeighbourModel) -> HostFunction:
+def _telling_apart(model: NeighbourModel, *, flies: bool) -> HostFunction:
     """The function of who is nearest, with all that is sensed of each neighbour by its id."""
 
     def nearest(bodies: Any, robots: Whole, *columns: Floats) -> Floats:
@@ -637,4 +669,5 @@ def _telling_apart(model: NeighbourModel) -> HostFunction:
         return _alone(partial(shown, field), body, other)
 
     sense, more = partial(_alone, nearest), model.shares | dict.fromkeys(model.shows_groups, "")
+    more |= {"z": "m"} if flies else {}
     return nearest_id(sense, list_one, shown_by_one, many=nearest, list_many=lists, field_of_many=shown, more=more)

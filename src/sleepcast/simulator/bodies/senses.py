@@ -173,7 +173,8 @@ class Senses:
 
 def functions_of(scenario: Scenario) -> tuple[HostFunction, ...]:
     """What expressions may call of the senses of a scenario's robots."""
-    near = neighbour_functions(scenario.neighbours) if scenario.neighbours else ()
+    flies = scenario.robots.flight is not None
+    near = neighbour_functions(scenario.neighbours, flies=flies) if scenario.neighbours else ()
     world = (*stock_functions(scenario.stocks), *field_functions(scenario.fields))
     return (*near, *eye_functions(scenario), *world, *predation_functions(scenario.predation))
 

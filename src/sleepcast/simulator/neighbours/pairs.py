@@ -24,6 +24,7 @@ class Pairs:
     dx, dy: vector to the neighbour in the robot's frame of reference, m
     away: its length, m
     within: the radius that each robot asked for, m
+    dz: how much higher the neighbour is, m, a part of `away`; None where nothing flies
     """
 
     asked: Whole
@@ -33,6 +34,7 @@ class Pairs:
     dx: Floats
     dy: Floats
     away: Floats
+    dz: Floats | None = None
 
     def count(self) -> Floats:
         """Number of neighbours of each robot that asked; so does every method return one value for each of them."""
@@ -121,14 +123,13 @@ class Pairs:
 
     def known_as(self, other: Whole) -> Pairs:
         """The same pairs, with other numbers of the neighbours."""
-        return Pairs(self.asked, self.within, self.robot, other, self.dx, self.dy, self.away)
+        return Pairs(self.asked, self.within, self.robot, other, self.dx, self.dy, self.away, self.dz)
 
     def where(self, chosen: Flags) -> Pairs:
         """Some of the pairs."""
-        floats = (self.dx, self.dy, self.away)
-        return Pairs(
-            self.asked, self.within, self.robot[chosen], self.other[chosen], *(each[chosen] for each in floats)
-        )
+        dx, dy, away = (each[chosen] for each in (self.dx, self.dy, self.away))
+        dz = None if self.dz is None else self.dz[chosen]
+        return Pairs(self.asked, self.within, self.robot[chosen], self.other[chosen], dx, dy, away, dz)
 
 
 def in_order(counts: Whole, keys: Whole) -> tuple[Whole, Whole]:

@@ -317,7 +317,7 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> t
             constants=constants,
             lights=lights,
             pings=read_pings(root),
-            neighbours=read_neighbours(root),
+            neighbours=read_neighbours(root, flies=robots.flight is not None),
             fields=local_fields,
             torus=world.torus,
             picture=world.picture,

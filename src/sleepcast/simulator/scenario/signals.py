@@ -141,8 +141,9 @@ def read_pings(root: Table) -> PingModel | None:
         )
 
 
-def read_neighbours(root: Table) -> NeighbourModel | None:
-    """The table `[neighbours]`, None if there is none."""
+def read_neighbours(root: Table, *, flies: bool = False) -> NeighbourModel | None:
+    """The table `[neighbours]`, None if there is none. flies: whether robots do, so that each senses others' z."""
+    sensed = (*SENSED, "z") if flies else SENSED
     if not root.has("neighbours"):
         return None
     with root.table("neighbours") as table:
@@ -151,21 +152,21 @@ def read_neighbours(root: Table) -> NeighbourModel | None:
                 raise table.error("shares", f"{len(shares.values)} of them; at most {MAX_SHARES} fit")
             units = {checked_name(shares, name): shares.text(name, choices=("", *UNITS)) for name in shares.values}
             for name in units:
-                if name.casefold() in SENSED:
+                if name.casefold() in sensed:
                     raise shares.error(name, "robots sense this of every neighbour; choose another name")
         return NeighbourModel(
             reach=table.number("reach", LENGTH, low=0.0),
             loss=table.number("loss", default=0.0, low=0.0, high=1.0),
             noise=table.number("noise", default=0.0, low=0.0, high=1.0),
             shares=units,
-            shows_groups=_shown_groups(table, units),
+            shows_groups=_shown_groups(table, (*units, *sensed)),
         )
 
 
-def _shown_groups(table: Table, shares: Iterable[str]) -> tuple[str, ...]:
-    """The groups that neighbours show, of none of which the name has another meaning to OF."""
+def _shown_groups(table: Table, others: Iterable[str]) -> tuple[str, ...]:
+    """The groups that neighbours show, of none of which the name has another meaning to OF, as these others have."""
     names = table.texts("shows_groups", most=MAX_SHOWN_GROUPS)
-    taken = {*SHOWN, *(name.casefold() for name in shares)}
+    taken = {*SHOWN, *(name.casefold() for name in others)}
     for name in names:
         if checked_name(table, name, "shows_groups").casefold() in taken:
             raise table.error("shows_groups", f"neighbours show something else as {name:.60}; choose another name")

@@ -81,7 +81,7 @@ def test_help_on_everything_that_has_a_name() -> None:
         "repl", typed="(DEFVAR mine 1)\n:help\n:help dist\n:help (AND)\n:help id\n:help PI\n:help mine\n:help andd\n"
     )
     assert ":rules" in done.out
-    assert "(DIST x1 y1 x2 y2)  Distance between two points.\n  (DIST 0 0 3 4) gives 5\n" in done.out
+    assert "(DIST x1 y1 [z1] x2 y2 [z2])  Distance between two points.\n  (DIST 0 0 3 4) gives 5\n" in done.out
     assert "mine: user variable" in done.out
     assert done.err == 'nothing is known of "andd" (did you mean AND?)\n'
 

@@ -427,7 +427,7 @@ class TestNames:
         assert found["battery"].range == f"{min(levels):.4g} % … {max(levels):.4g} %"
         assert (found["house_x"].kind, found["house_x"].range) == ("sensor", "0.5 km")
         assert found["drive_speed"].range == "unknown"
-        assert found["DIST"].usage == "(DIST x1 y1 x2 y2)"
+        assert found["DIST"].usage == "(DIST x1 y1 [z1] x2 y2 [z2])"
         assert found["GOTO"].kind == "robot"
         assert (found["patience"].kind, found["patience"].range) == ("user", "1 … 20")
         assert (found["near"].kind, found["near"].usage) == ("operator", "(near d)")

@@ -50,8 +50,11 @@ def logarithm(x: float) -> float:
     return math.log(x)
 
 
-def distance(x1: float, y1: float, x2: float, y2: float) -> float:
-    return math.sqrt((x1 - x2) * (x1 - x2) + (y1 - y2) * (y1 - y2))
+def distance(*places: float) -> float:
+    half, squares = len(places) // 2, 0.0
+    for one, other in zip(places[:half], places[half:], strict=True):
+        squares += (one - other) * (one - other)
+    return math.sqrt(squares)
 
 
 def wrapped(angle: float) -> float:

@@ -131,8 +131,13 @@ def _power(a: Sequence[Argument]) -> Argument:
 
 
 def _distance(a: Sequence[Argument]) -> Argument:
-    dx, dy = np.subtract(a[0], a[2]), np.subtract(a[1], a[3])
-    distance: Argument = np.sqrt(dx * dx + dy * dy)
+    half = len(a) // 2
+    dx, dy = np.subtract(a[0], a[half]), np.subtract(a[1], a[half + 1])
+    squares: Argument = dx * dx + dy * dy
+    if half == 3:
+        dz = np.subtract(a[2], a[5])
+        squares = squares + dz * dz
+    distance: Argument = np.sqrt(squares)
     return distance
 
 

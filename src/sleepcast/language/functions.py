@@ -147,8 +147,11 @@ def _logarithm(a: Sequence[float]) -> float:
 
 
 def _distance(a: Sequence[float]) -> float:
-    dx, dy = a[0] - a[2], a[1] - a[3]
-    return math.sqrt(dx * dx + dy * dy)
+    if len(a) == 4:
+        dx, dy = a[0] - a[2], a[1] - a[3]
+        return math.sqrt(dx * dx + dy * dy)
+    dx, dy, dz = a[0] - a[3], a[1] - a[4], a[2] - a[5]
+    return math.sqrt(dx * dx + dy * dy + dz * dz)
 
 
 def _edge_distance(a: Sequence[float]) -> float:
@@ -229,7 +232,7 @@ _TABLE = (
     ),
     Function("CEIL", 1, 1, "x", "pure", "same", "The whole number above or at x.", lambda a: float(math.ceil(a[0]))),
     Function("ROUND", 1, 1, "x", "pure", "same", "The nearest whole number, a half to the even one.", _round),
-    Function("DIST", 4, 4, "x1 y1 x2 y2", "pure", "same", "Distance between two points.", _distance),
+    Function("DIST", 4, 6, "x1 y1 [z1] x2 y2 [z2]", "pure", "same", "Distance between two points.", _distance),
     Function(
         "BEARING",
         4,

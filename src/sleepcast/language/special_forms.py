@@ -466,7 +466,14 @@ def _defun(checker: Checker, form: List) -> Part:
     return Part("act", form, name="defun", number=steps, data=defining)
 
 
-# ---- areas
+# ---- places and areas
+
+
+@_special("dist")
+def _distance(checker: Checker, form: List) -> Part:
+    if len(form.items) == 6:
+        return checker.error("5 numbers @@: wanted x and y of two points, or x, y and z", form)
+    return Part("pure", form, checker.parts(form.items[1:]), name="DIST", data=FUNCTIONS["dist"])
 
 
 @_special("edge-dist")

@@ -168,9 +168,12 @@ def _eighths(a: Assembly, steep: str, swapped: str, behind: str, values: Sequenc
 
 
 def _distance(a: Assembly, n: Sequence[str], mask: str) -> str:
-    dx, dy = a.binary("fsub", a.real, n[0], n[2]), a.binary("fsub", a.real, n[1], n[3])
-    squares = [a.binary("fmul", a.real, x, x) for x in (dx, dy)]
-    return a.intrinsic("sqrt", a.binary("fadd", a.real, *squares))
+    half = len(n) // 2
+    ways = [a.binary("fsub", a.real, one, other) for one, other in zip(n[:half], n[half:], strict=True)]
+    total, *others = [a.binary("fmul", a.real, way, way) for way in ways]
+    for square in others:
+        total = a.binary("fadd", a.real, total, square)
+    return a.intrinsic("sqrt", total)
 
 
 def _mod(a: Assembly, n: Sequence[str], mask: str) -> str:

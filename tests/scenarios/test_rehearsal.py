@@ -8,7 +8,7 @@ import pytest
 import sleepcast as sc
 from sleepcast.robot import Limits, hovering
 from sleepcast.simulator import find_scenario
-from sleepcast.simulator.bodies.body import FlyingBody
+from sleepcast.simulator.bodies.body import Body
 
 SEEDS = (11, 12, 13)
 
@@ -34,7 +34,7 @@ def test_ten_copters_take_off_stop_go_on_and_land(seed: int) -> None:
 def test_its_mission_names_only_what_all_know_that_hover() -> None:
     limits = Limits(1.0, 1.0, 1.0, climb=1.0)
     known = {each.name for each in (*hovering.sensors(limits, 1.0), *hovering.actuators(limits))}
-    known |= {each.name for each in hovering.functions(FlyingBody)}
+    known |= {each.name for each in hovering.functions(Body)}
     words = " ".join(order.text for order in find_scenario("rehearsal").mission)
     named = {word for word in words.replace("(", " ").replace(")", " ").split() if word.isidentifier()}
     assert named - {"WHEN", "AND", "NOT", "ABS", "SETQ", "STOP", "RELEASE"} <= known

@@ -116,6 +116,8 @@ def limited(scenario: Scenario, limits: Limits) -> Scenario:
     specs = (scenario.robots, *scenario.sorts)
     if limits.least_range > 0.0 and not all(spec.geometry.sonars for spec in specs):
         raise MisuseError(f"the robots of {scenario.name} have no sonars, so they cannot keep a range to anything")
+    if limits.fence is not None and scenario.robots.flight is not None:
+        raise MisuseError(f"the robots of {scenario.name} fly: their fence is the edge of their world, and no other")
     robots, *others = (_limited(spec, limits, (scenario.width, scenario.height)) for spec in specs)
     return replace(scenario, robots=robots, sorts=tuple(others))
 

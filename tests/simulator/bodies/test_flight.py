@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from math import nan, pi
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.settings import SettingsError
 from sleepcast.loop import Swarm
 from sleepcast.robot import Failsafe, FencedError, Setpoint, hovering
-from sleepcast.simulator import Simulator, read_scenario
+from sleepcast.simulator import Simulator, SingleRobot, limited, read_scenario
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.recording.foxglove import read_heights
 from sleepcast.simulator.recording.recording import entries, load_recording
@@ -318,6 +319,24 @@ def test_a_snapshot_in_the_air_goes_on_as_the_run_did() -> None:
     steps(simulator, 5.0), steps(again, 5.0)
     assert again.state_hash() == simulator.state_hash()
     assert sensed(again, LOW)["z"] == pytest.approx(6.0, abs=0.3)
+
+
+def test_a_body_of_its_own_node_flies_and_keeps_narrower_limits() -> None:
+    narrow = replace(sky().model.limits, ceiling=4.0, climb=0.5, fence=None)
+    scenario = limited(read_scenario(SKY), narrow)
+    with SingleRobot(Simulator(scenario), None) as body:
+        assert refused(lambda: body.take_off(5.0)) == "it flies from 0.5 to 4 m high, not at 5 m"
+        body.take_off(3.5)
+        for _ in range(100):
+            body.sense()
+        read = dict(zip((sensor.name for sensor in body.model.sensors), body.sense().values, strict=True))
+        assert read["z"] == pytest.approx(3.5)
+        body.go_to(12.0, 10.0, 2.0)
+        for _ in range(100):
+            body.sense()
+    assert (body.rest_state().at_rest, body.stopped) == (True, True)
+    with pytest.raises(MisuseError, match="their fence is the edge of their world"):
+        limited(read_scenario(SKY), replace(narrow, fence=(1.0, 1.0, 9.0, 9.0)))
 
 
 def test_a_fleet_flies_by_expressions_with_accounts() -> None:

@@ -18,7 +18,7 @@ from sleepcast.core.model import BodyColumn, HostFunction, Quantity, RestState, 
 from sleepcast.core.units import LENGTH, NONE, RATE, SPEED, Dimension
 from sleepcast.robot import Geometry, Reading, RobotModel, Setpoint, hovering
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Floats, Mode, Saying, Whole
-from sleepcast.simulator.bodies.pilot import Results, pilot_of
+from sleepcast.simulator.bodies.pilot import Pilot, Results, pilot_of
 from sleepcast.simulator.bodies.population import Population
 from sleepcast.simulator.scenario.population import comes_and_goes, sort_constants
 from sleepcast.simulator.scenario.robot_settings import TENTH, Ring
@@ -99,8 +99,10 @@ class Body:
             bodies.mode[i] = Mode.DRIVE
             bodies.wanted_speed[i], bodies.wanted_turn[i] = speed, turn_rate
 
-    def go_to(self, x: float, y: float) -> None:
-        if not self.stopped:
+    def go_to(self, x: float, y: float, z: float = nan) -> None:
+        if self._bodies.flight is not None:
+            self._told(Pilot.go_to, x, y, *(() if isnan(z) else (z,)))
+        elif not self.stopped:
             self._bodies.go_to(np.array([self.number]), np.array([x]), np.array([y]))
 
     def wander(self) -> None:
@@ -160,6 +162,30 @@ class Body:
             raise HatchError("this robot is stopped: it does not DIE until it is released")
         self._population().die(np.array([self.number]))
 
+    # ---- where robots fly, see `hovering.Hovering`
+
+    def arm(self) -> None:
+        self._told(Pilot.arm)
+
+    def disarm(self) -> None:
+        self._told(Pilot.disarm)
+
+    def take_off(self, height: float = nan) -> None:
+        self._told(Pilot.take_off, *(() if isnan(height) else (height,)))
+
+    def touch_down(self) -> None:
+        self._told(Pilot.touch_down)
+
+    def climb(self, speed: float) -> None:
+        self._told(Pilot.climb, speed)
+
+    def _told(self, command: Callable[..., Results], *numbers: float) -> None:
+        """Tell this body alone what many can be told. Raises what it refuses it with."""
+        numbers_of_many = (np.array([number]) for number in numbers)
+        results = command(pilot_of(self._bodies), np.array([self.number]), *numbers_of_many)
+        if results is not None and isinstance(results[0], Exception):
+            raise results[0]
+
     def _population(self) -> Population:
         population = self._bodies.population
         assert population
@@ -173,7 +199,7 @@ class Body:
 
 
 class FlyingBody(Body):
-    """A body where robots fly; see `hovering.Hovering`. It may itself stand on the ground, and refuses to fly then."""
+    """A body where robots fly, which may be one that lands when nobody drives it any more."""
 
     __slots__ = ()
 
@@ -181,30 +207,6 @@ class FlyingBody(Body):
         self.stop()
         self.release()
         pilot_of(self._bodies).let_go(np.array([self.number]))
-
-    def arm(self) -> None:
-        self._told(pilot_of(self._bodies).arm)
-
-    def disarm(self) -> None:
-        self._told(pilot_of(self._bodies).disarm)
-
-    def take_off(self, height: float = nan) -> None:
-        self._told(pilot_of(self._bodies).take_off, *(() if isnan(height) else (height,)))
-
-    def touch_down(self) -> None:
-        self._told(pilot_of(self._bodies).touch_down)
-
-    def go_to(self, x: float, y: float, z: float = nan) -> None:
-        self._told(pilot_of(self._bodies).go_to, x, y, *(() if isnan(z) else (z,)))
-
-    def climb(self, speed: float) -> None:
-        self._told(pilot_of(self._bodies).climb, speed)
-
-    def _told(self, command: Callable[..., Results], *numbers: float) -> None:
-        """Tell this body alone what many can be told. Raises what it refuses it with."""
-        results = command(np.array([self.number]), *(np.array([number]) for number in numbers))
-        if results is not None and isinstance(results[0], Exception):
-            raise results[0]
 
 
 def acting(
@@ -261,7 +263,7 @@ FUNCTIONS = (
 )
 FLIGHT_FUNCTIONS = tuple(
     replace(each, many=_by(each.call.__name__), doc=each.doc.replace("its address", "its type"))
-    for each in hovering.functions(FlyingBody)
+    for each in hovering.functions(Body)
 )
 """Where robots fly."""
 WHEEL_FUNCTIONS = (

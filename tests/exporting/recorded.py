@@ -53,6 +53,12 @@ def recorded(folder: Path, fill: Callable[[Recorder], None]) -> Recording:
     return load_recording(file)
 
 
+def flown(recorder: Recorder) -> None:
+    """Record robots of that world one, two and three metres above the ground."""
+    heights = np.array([1.0, 2.0, 3.0])
+    recorder.poses(0.0, heights, np.ones(3), np.zeros(3), heights)
+
+
 def one_picture(recorder: Recorder, time: float = 0.0) -> None:
     """Record where the robots of that world are."""
     recorder.poses(time, np.array([1.0, 2.0, 3.0]), np.ones(3), np.array([0.0, np.pi / 2, -np.pi / 2]))

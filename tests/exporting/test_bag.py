@@ -19,7 +19,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from exporting.coming import THERE, flock
-from exporting.recorded import YARD, one_picture, recorded
+from exporting.recorded import YARD, flown, one_picture, recorded
 from sleepcast.exporting import ExportReport, bag, export_recording
 from sleepcast.exporting.bag import Bag, bag_files, topic_names
 from sleepcast.exporting.run import PosesEvent, ReadingsEvent, RecordedRun
@@ -238,6 +238,14 @@ def test_a_map_follows_the_walls_but_is_not_written_more_often_than_pictures(tmp
     export_recording(recorded(tmp_path, fill), "ros2", tmp_path / "bag")
     maps = of("/map", heard(tmp_path / "bag"))
     assert [(each.header.stamp.sec, int((each.data > 0).sum() > 0)) for each in maps] == [(1, 1), (2, 0)]
+
+
+def test_what_flies_is_as_high_as_it_was(tmp_path: Path) -> None:
+    export_recording(recorded(tmp_path, flown), "ros2", tmp_path / "bag")
+    messages = heard(tmp_path / "bag")
+    (together,), (moved,) = of("/poses", messages), of("/tf", messages)
+    assert [pose.position.z for pose in together.poses] == [1.0, 2.0, 3.0]
+    assert [each.transform.translation.z for each in moved.transforms] == [1.0, 2.0, 3.0]
 
 
 def test_of_many_robots_only_what_they_have_in_common_is_written(

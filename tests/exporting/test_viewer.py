@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from exporting.coming import THERE, flock
-from exporting.recorded import YARD, one_picture, recorded
+from exporting.recorded import YARD, flown, one_picture, recorded
 from sleepcast.exporting import ExportError, ExportReport, export_recording, viewer
 from sleepcast.exporting.run import PosesEvent, RecordedRun
 from sleepcast.exporting.table_files import MissingExtraError
@@ -109,6 +109,12 @@ def test_the_world_is_drawn(shown: Shown, tmp_path: Path) -> None:
     ((_, values),) = walls.rows["/readings/x scalars"]
     assert np.isnan(values[1])
     assert any("a" in name and "b" in name for name in walls.rows if name.startswith("/readings/"))
+
+
+def test_what_flies_is_drawn_above_the_ground(tmp_path: Path) -> None:
+    export_recording(recorded(tmp_path, flown), "rrd", tmp_path / "run.rrd")
+    ((_, positions),) = Shown(tmp_path / "run.rrd").rows["/robots positions"]
+    assert np.array(positions)[:, 2].tolist() == [1.0, 2.0, 3.0]
 
 
 def test_only_the_robots_that_are_wanted_are_drawn(tmp_path: Path) -> None:

@@ -64,10 +64,10 @@ class Painter:
             solid = walls(stamp, simulator.world.shapes.values())
             self._recorder.scene(SCENE, time, [*ground(stamp, simulator.scenario), solid])
         entities = []
-        places = simulator.poses
+        places, z = simulator.poses, simulator.heights
         for name, colour, who in self._parts:
             x, y, heading = (values[who] for values in places)
-            entities.append(members(stamp, name, colour, self._size, (x, y, heading)))
+            entities.append(members(stamp, name, colour, self._size, (x, y, heading), None if z is None else z[who]))
         now = {name for name, *_ in self._parts}
         gone = [deletion(stamp, name) for name in sorted(self._drawn - now)]
         self._drawn = now

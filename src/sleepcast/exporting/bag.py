@@ -230,7 +230,8 @@ class BagSink:
 
     def _poses(self, event: PosesEvent) -> None:
         time, bag = event.time, self._bag
-        rows = event.poses[self._run.chosen].astype(np.float64).tolist()
+        chosen = self._run.chosen
+        rows = np.column_stack((event.poses[chosen].astype(np.float64), event.z[chosen])).tolist()
         poses = [self._pose(*row) for row in rows]
         bag.write("/poses", "PoseArray", time, bag.new("PoseArray", header=self._header(time, MAP), poses=poses))
         if not self.own_topics:
@@ -322,7 +323,7 @@ class BagSink:
             resolution=grid.cell,
             width=columns,
             height=rows,
-            origin=self._pose(0.0, 0.0, 0.0),
+            origin=self._pose(0.0, 0.0, 0.0, 0.0),
         )
         message = bag.new("OccupancyGrid", header=self._header(time, MAP), info=info, data=grid.values.ravel())
         bag.write("/map", "OccupancyGrid", time, message, latched=True)
@@ -366,16 +367,18 @@ class BagSink:
     def _header(self, time: float, frame: str) -> Any:
         return self._bag.new("Header", stamp=self._stamp(time), frame_id=frame)
 
-    def _pose(self, x: float, y: float, heading: float) -> Any:
+    def _pose(self, x: float, y: float, heading: float, z: float) -> Any:
         bag = self._bag
-        return bag.new("Pose", position=bag.new("Point", x=x, y=y, z=0.0), orientation=self._turn(heading))
+        return bag.new("Pose", position=bag.new("Point", x=x, y=y, z=z), orientation=self._turn(heading))
 
     def _turn(self, heading: float) -> Any:
         return self._bag.new("Quaternion", x=0.0, y=0.0, z=sin(heading / 2.0), w=cos(heading / 2.0))
 
-    def _transform(self, time: float, frame: str, child: str, x: float, y: float, heading: float) -> Any:
+    def _transform(
+        self, time: float, frame: str, child: str, x: float, y: float, heading: float, z: float = 0.0
+    ) -> Any:
         bag = self._bag
-        transform = bag.new("Transform", translation=bag.new("Vector3", x=x, y=y, z=0.0), rotation=self._turn(heading))
+        transform = bag.new("Transform", translation=bag.new("Vector3", x=x, y=y, z=z), rotation=self._turn(heading))
         return bag.new("TransformStamped", header=self._header(time, frame), child_frame_id=child, transform=transform)
 
 

@@ -18,7 +18,7 @@ from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.model import Quantity
 from sleepcast.core.version import VERSION
 from sleepcast.simulator.packing import unpack
-from sleepcast.simulator.recording.foxglove import Level, read_colours, read_log, read_poses
+from sleepcast.simulator.recording.foxglove import Level, read_colours, read_heights, read_log, read_poses
 from sleepcast.simulator.recording.json_messages import (
     AccountBody,
     FailureBody,
@@ -56,10 +56,12 @@ Numbers: TypeAlias = NDArray[np.float64]
 
 
 class PosesEvent(NamedTuple):
-    """Where all robots are. poses: x, y (m) and heading (rad), float32, shape (robots, 3)."""
+    """Where all robots are. poses: x, y (m) and heading (rad), float32, shape (robots, 3). z: m, 0 where nothing flies,
+    shape (robots,)."""
 
     time: float
     poses: NDArray[np.float32]
+    z: NDArray[np.float64]
 
 
 class ColoursEvent(NamedTuple):
@@ -266,7 +268,8 @@ class RecordedRun:
         return SolidsEvent(entry.time, put, change.gone, solids)
 
     def _poses(self, entry: RecordedEntry) -> PosesEvent:
-        return PosesEvent(entry.time, read_poses(entry.data, len(self.names)))
+        count = len(self.names)
+        return PosesEvent(entry.time, read_poses(entry.data, count), read_heights(entry.data, count))
 
     def _colours(self, entry: RecordedEntry) -> ColoursEvent:
         return ColoursEvent(entry.time, read_colours(entry.data, len(self.names)))

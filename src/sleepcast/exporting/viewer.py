@@ -238,7 +238,7 @@ class ViewerSink:
     def _poses(self, event: PosesEvent) -> None:
         x, y, heading = event.poses[self._run.chosen].T
         at, ahead = np.zeros((len(x), 3), np.float32), np.zeros((len(x), 3), np.float32)
-        at[:, 0], at[:, 1] = x, y
+        at[:, 0], at[:, 1], at[:, 2] = x, y, event.z[self._run.chosen]
         ahead[:, 0], ahead[:, 1] = 2.0 * self._size * np.cos(heading), 2.0 * self._size * np.sin(heading)
         self._file.log("robots", event.time, self._rerun.Points3D.from_fields(positions=at))
         arrows = self._rerun.Arrows3D(origins=at, vectors=ahead, radii=[self._size / 6.0])

@@ -127,16 +127,19 @@ def members(
     colour: Colour,
     size: float,
     places: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
+    z: NDArray[np.float64] | None = None,
 ) -> bytes:
     """The entity of robots of one colour: a triangle each, which points along its heading. size: half its length, m.
-    places: x, y (m) and heading (rad), shape (count,)."""
+    places: x, y (m) and heading (rad), shape (count,). z: m, None where nothing flies."""
     x, y, heading = places
     forwards, aside = np.cos(heading) * size, np.sin(heading) * size
-    corners = np.empty((len(x), 3, 2))
+    corners = np.empty((len(x), 3, 2 if z is None else 3))
+    if z is not None:
+        corners[:, :, 2] = z[:, None]
     for corner, (ahead, left) in enumerate(((1.0, 0.0), (-0.8, 0.6), (-0.8, -0.6))):
         corners[:, corner, 0] = x + ahead * forwards - left * aside
         corners[:, corner, 1] = y + ahead * aside + left * forwards
-    triangles = _points(2, corners.reshape(-1, 2)) + colour.written(3)
+    triangles = _points(2, corners.reshape(-1, corners.shape[-1])) + colour.written(3)
     return _entity(nanoseconds, name, [field(12, triangles)], {"robots": str(len(x))})
 
 
@@ -180,13 +183,14 @@ _POINT = np.dtype(
 
 
 def _points(number: int, corners: NDArray[np.float64]) -> bytes:
-    """Points in the plane, each as the field `number`; in single precision, whose zeros compress well. corners: m,
-    shape (count, 2)."""
+    """Points, each as the field `number`; in single precision, whose zeros compress well. corners: m, shape (count, 2)
+    for the plane, (count, 3) for space."""
     frame = np.zeros(len(corners), _POINT)
     frame["head"] = tag(number) + varint(_POINT.itemsize - 2)
     for place, name in enumerate(("tag_x", "tag_y", "tag_z"), 1):
         frame[name] = place << 3 | FIXED_64
-    frame["x"], frame["y"] = corners.astype(np.float32).T
+    for name, column in zip("xyz", corners.astype(np.float32).T, strict=False):
+        frame[name] = column
     return frame.tobytes()
 
 

@@ -542,7 +542,7 @@ def test_one_whose_clock_is_ahead_is_named_and_makes_nobody_else_look_old(ground
     desk.order(176, 1.0, 15.0)
     assert [each.type for each in ground.requests()] == ["stop", "release"], "both are heard"
     (said,) = ground.complaints()
-    assert said.startswith("the clock of the ground station (system 254) is 3,600 s ahead of ours")
+    assert said.startswith("the clock of the ground station (system 254) is 1 h ahead of ours")
     desk.waiting += ahead.waiting
     ground.requests()
     assert ground._link.complaints("the ground station") == [

@@ -80,9 +80,9 @@ def wait_for(holds: Callable[[], bool]) -> None:
 
 
 def says(line: str, told: str) -> bool:
-    """Whether somebody was told this. {hour}: 3,600 s and {day}: 86,400 s, or what a busy machine makes of them, where
+    """Whether somebody was told this. {hour}: 1 h and {day}: 24 h, or what a busy machine makes of them, where
     a message is not looked at at once; {four}: 4 s likewise, or less."""
-    numbers = {"hour": "3,(59[789]|60[0-3]) s", "day": r"86,(39[789]|40[0-3]) s", "four": "[34] s"}
+    numbers = {"hour": "(59 min 5[789] s|1 h)", "day": "24 h", "four": "[34] s"}
     return re.search(f"^(.*: )?{line.format(**numbers)}$", told, re.MULTILINE) is not None
 
 

@@ -12,8 +12,8 @@ from sleepcast.channel.admission import UNTIMELY_A_SECOND
 @pytest.mark.parametrize(
     ("by", "differs"),
     [
-        (3_600.0, "3,600 s ahead"),
-        (-3_600.0, "3,600 s behind"),
+        (3_600.0, "1 h ahead"),
+        (-3_600.0, "1 h behind"),
         (10 * 86_400.0, "10 days ahead"),
         (-START, "12 days behind"),
     ],
@@ -50,7 +50,7 @@ def test_a_look_at_a_robot_whose_clock_is_wrong_is_answered_too() -> None:
     look = desk.post(Kind.ASK, body={"look": "telemetry"})
     scene.run(1.0)
     assert look.n_silent == 0
-    assert desk.notices()[:1] == ["r1: its clock is 3,600 s behind; it obeys STOP only"]
+    assert desk.notices()[:1] == ["r1: its clock is 1 h behind; it obeys STOP only"]
 
 
 def test_a_robot_whose_clock_is_four_seconds_ahead_is_counted_and_told() -> None:
@@ -64,7 +64,7 @@ def test_a_robot_whose_clock_is_four_seconds_ahead_is_counted_and_told() -> None
     assert desk.notices()[:1] == ["r1: its clock is 4 s ahead"]
 
 
-@pytest.mark.parametrize(("by", "words"), [(3_600.0, "3,600 s ahead of"), (-3_600.0, "3,600 s behind")])
+@pytest.mark.parametrize(("by", "words"), [(3_600.0, "1 h ahead of"), (-3_600.0, "1 h behind")])
 def test_an_operator_whose_own_clock_is_wrong_is_told_so_and_his_stop_works(by: float, words: str) -> None:
     scene = Scene(robots=10)
     scene.set_clock("anna", by)

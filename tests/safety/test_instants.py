@@ -206,7 +206,7 @@ def test_a_desk_turns_a_time_into_an_instant_when_it_sends() -> None:
     assert sent.instant == pytest.approx(at, abs=2e-6)
     with pytest.raises(CommandTypeError, match=r"the instant is 0\.1 s ago: wanted one within the next 1 h"):
         desk.send("(MARK)", everybody=True, at=desk.now - 0.1)
-    for seconds, when in ((0.0, "now"), (1e-9, "now"), (1e300, r"in 1\.15741e\+295 days")):
+    for seconds, when in ((0.0, "now"), (1e-9, "now"), (1e300, r"in 3\.16881e\+292 years")):
         with pytest.raises(CommandTypeError, match=f"the instant is {when}: wanted"):
             desk.send("(MARK)", everybody=True, at=desk.now + seconds)
     made.run(2.0)

@@ -20,6 +20,7 @@ from os import urandom
 
 from sleepcast.channel.fair_table import FairTable
 from sleepcast.channel.message import TIME, WAITED, Message
+from sleepcast.core.ages import duration
 from sleepcast.core.backoff import Backoff
 from sleepcast.core.clock import MADE
 from sleepcast.core.errors import listed
@@ -80,8 +81,6 @@ _ALIKE = 4.0
 """Seconds by which clocks may differ and still count as equally wrong: each may be wrong by the allowed skew."""
 SHOWN = 5
 """Names listed in a sentence; more are counted."""
-UNITS = ((2 * 365.25 * 86_400.0, 365.25 * 86_400.0, "years"), (2 * 86_400.0, 86_400.0, "days"), (0.0, 1.0, "s"))
-"""Units of a difference: the seconds from which each is used, its seconds, its name."""
 
 
 class WrongClocks:
@@ -148,9 +147,8 @@ class WrongClocks:
 
 
 def differs(ahead: float) -> str:
-    """A clock's error for a person: `3,600 s ahead`."""
-    _, unit, name = next(each for each in UNITS if abs(ahead) >= each[0])
-    return f"{abs(ahead) / unit:,.0f} {name} {'ahead' if ahead > 0.0 else 'behind'}"
+    """A clock's error for a person: `1 h ahead`."""
+    return f"{duration(round(abs(ahead)))} {'ahead' if ahead > 0.0 else 'behind'}"
 
 
 def took(names: Sequence[str], whose: str, differs: str) -> str:

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 MARGIN = 2.0
 """Seconds by which two clocks may differ, or one may be moved, before the time of something counts as wrong."""
+YEAR = 365.25 * 86_400.0
+"""Seconds in a year."""
 UNITS = ((86_400.0, "days"), (3_600.0, "h"), (60.0, "min"))
 
 
 def duration(seconds: float) -> str:
-    """`0.25 s`, `2 min 5 s`, `23 h 59 min`, `5 days`; `seconds` is not negative."""
+    """`0.25 s`, `2 min 5 s`, `23 h 59 min`, `5 days`, `3 years`; `seconds` is not negative."""
     if seconds < 59.5:
         return f"{seconds:.3g} s"
+    if seconds >= 2.0 * YEAR:
+        return f"{seconds / YEAR:.0f} years" if seconds < 1e12 else f"{seconds / YEAR:.6g} years"
     if seconds >= 2.0 * 86_400.0:
-        return f"{seconds / 86_400.0:,.6g} days" if seconds >= 1e12 else f"{seconds / 86_400.0:,.0f} days"
+        return f"{seconds / 86_400.0:.0f} days"
     minutes, second = divmod(round(seconds), 60)
     if minutes < 60:
         return f"{minutes} min {second} s" if second else f"{minutes} min"

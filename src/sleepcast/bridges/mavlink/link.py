@@ -18,6 +18,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any, Protocol
 
 from sleepcast.bridges.address import BodyAddress, BodyError
+from sleepcast.core.ages import duration
 from sleepcast.core.clock import Clock, UnixClock
 from sleepcast.core.errors import MisuseError, listed
 from sleepcast.core.extras import installing
@@ -210,7 +211,8 @@ class Refusals:
             for why, count in self._counts.items()
         ]
         sentences += [
-            f"the clock of {whose} (system {system}) is {ahead:,.0f} s ahead of ours; it is heard all the same"
+            f"the clock of {whose} (system {system}) is {duration(round(ahead))} ahead of ours; "
+            "it is heard all the same"
             for system, ahead in sorted(self._ahead.items())
         ]
         self._counts.clear()

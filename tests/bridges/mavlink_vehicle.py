@@ -64,6 +64,8 @@ class Vehicle:
         """Items of its mission and of its fence, as they were written."""
         self.upload: tuple[int, int] | None = None
         """What is being written, and how many items."""
+        self.swallows = False
+        """Whether its next word that it has got all items is lost."""
         self.forgets = 0
         """How many of the next messages about missions it loses."""
         self.lands = False
@@ -132,6 +134,9 @@ class Vehicle:
             if len(self.stored[of]) < self.upload[1]:
                 return self.ask_for_item()
             self.upload, self.ask_at = None, inf
+            if self.swallows:
+                self.swallows = False
+                return []
             return [self.mav.mission_ack_encode(*to, 0, of)]
         if kind == "MISSION_REQUEST_LIST":
             return [self.mav.mission_count_encode(*to, len(self.stored[of]), of)]

@@ -77,6 +77,9 @@ class Talking:
         finally:
             self.kill()
 
+    def close(self) -> None:
+        self.kill()
+
     def kill(self) -> None:
         self._running.kill()
         self._running.communicate()

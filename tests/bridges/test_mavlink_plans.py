@@ -110,6 +110,15 @@ def test_what_is_lost_of_a_plan_is_sent_again(lost: int) -> None:
     assert rig.body.complaints() == []
 
 
+def test_a_last_word_that_is_lost_is_said_again() -> None:
+    rig, mind = flying()
+    rig.vehicle.swallows = True
+    mind.say("(PLAN survey)")
+    mind.go_on(8.0)
+    assert (len(rig.vehicle.stored[0]), rig.sensed()["mode"]) == (7, COPTER["AUTO"])
+    assert rig.body.complaints() == []
+
+
 def test_a_plan_that_the_vehicle_does_not_take_is_told_and_not_begun() -> None:
     rig, mind = flying()
     rig.vehicle.forgets = 10_000

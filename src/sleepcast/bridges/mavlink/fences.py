@@ -13,7 +13,7 @@ from pathlib import Path
 
 from sleepcast.bridges.address import BodyAddress, BodyError
 from sleepcast.bridges.mavlink.link import MavlinkConnection
-from sleepcast.bridges.mavlink.transfer import FENCE, MAX_ITEMS, Download, Party, Transfer, Upload
+from sleepcast.bridges.mavlink.transfer import FENCE, MAX_ITEMS, Download, Party, Upload, finish
 from sleepcast.core.geodesy import FARTHEST, LocalMap
 from sleepcast.core.mission_files import (
     INSIDE_CIRCLE,
@@ -32,8 +32,6 @@ from sleepcast.core.records import NamedTuple
 VEHICLE = "vehicle"
 """In place of a file: the fence that is in the vehicle."""
 MAX_BYTES = 1_048_576
-PAUSE = 0.02
-"""Seconds between two looks at what has come."""
 
 
 class Fence(NamedTuple):
@@ -97,7 +95,7 @@ def items_of(areas: Sequence[FenceArea]) -> Iterator[Item]:
 def read_fence(link: MavlinkConnection, party: Party) -> list[FenceArea]:
     """The fence that is in the vehicle. Raises BodyError."""
     download = Download(link, party, FENCE, time.monotonic())
-    _finish(download, link, party, "the fence in the vehicle was not read")
+    finish(download, link, party, "the fence in the vehicle was not read")
     return [area for area in fences_of(download.items) if not area.is_round or isfinite(area.radius)]
 
 
@@ -106,17 +104,4 @@ def write_fence(link: MavlinkConnection, party: Party, areas: Sequence[FenceArea
     items = list(items_of(areas))
     if len(items) > MAX_ITEMS:
         raise BodyError(f"a fence of {len(items)} corners and circles: wanted {MAX_ITEMS} at most")
-    _finish(Upload(link, party, FENCE, items, time.monotonic()), link, party, "the vehicle has not taken its fence")
-
-
-def _finish(transfer: Transfer, link: MavlinkConnection, party: Party, failed: str) -> None:
-    """Wait until a transfer is over. failed: how the sentence begins that says why it has failed."""
-    while not transfer.over:
-        transfer.tend(time.monotonic())
-        for message in link.receive():
-            if message.get_srcSystem() == party.system:
-                transfer.hear(message, time.monotonic())
-        if not transfer.over:
-            time.sleep(PAUSE)
-    if transfer.failed:
-        raise BodyError(f"{failed}: {transfer.failed}")
+    finish(Upload(link, party, FENCE, items, time.monotonic()), link, party, "the vehicle has not taken its fence")

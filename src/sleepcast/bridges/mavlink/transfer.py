@@ -6,10 +6,12 @@ each; who wants items asks for each. What is not answered is said again, for a w
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from math import isfinite
 from typing import Any
 
+from sleepcast.bridges.address import BodyError
 from sleepcast.bridges.mavlink.link import MavlinkConnection
 from sleepcast.core.mission_files import WAYPOINT, Item
 from sleepcast.core.records import NamedTuple
@@ -19,6 +21,10 @@ MISSION, FENCE = 0, 1
 AGAIN, SECONDS = 0.5, 6.0
 """Seconds after which what was not answered is said again, and after which a transfer without an answer has failed: a
 vehicle asks anew once a second."""
+LAST_WORD = 3
+"""Times of `AGAIN` without a word, longer than a vehicle needs to ask for an item anew."""
+PAUSE = 0.02
+"""Seconds between two looks at what has come."""
 MAX_ITEMS = 700
 """What ArduPilot has room for, on most boards."""
 ACCEPTED, INVALID_SEQUENCE = 0, 13
@@ -98,13 +104,20 @@ class Upload(Transfer):
         self._items = [Item(WAYPOINT, None), *items] if kind == MISSION else list(items)
         self._asked = -1
         """The last item that it has asked for."""
+        self._unanswered = 0
+        """Times that it was to say something again since then."""
 
     @property
     def count(self) -> int:
         return len(self._items)
 
     def repeat(self) -> None:
-        if self._asked < 0:  # from then on it is the vehicle that asks again
+        """From its first question on it is the vehicle that asks again; but if it asks for no more, its last word may
+        be lost, and all is said again."""
+        self._unanswered += 1
+        if self._asked == self.count - 1 and self._unanswered > LAST_WORD:
+            self._asked = -1
+        if self._asked < 0:
             self._link.send(self._link.mav.mission_count_encode(*self._to, self.count, self._kind))
 
     def acknowledged(self, result: int) -> None:
@@ -115,7 +128,7 @@ class Upload(Transfer):
         if kind not in ("MISSION_REQUEST", "MISSION_REQUEST_INT") or not 0 <= message.seq < self.count:
             return False
         anew = bool(message.seq > self._asked)
-        self._asked = max(self._asked, message.seq)
+        self._asked, self._unanswered = max(self._asked, message.seq), 0
         item = self._items[message.seq]
         place = [round(each * 1e7) for each in item.at or (0.0, 0.0)]
         *parameters, height = (each if isfinite(each) else 0.0 for each in (*item.parameters, item.altitude))
@@ -159,3 +172,17 @@ class Download(Transfer):
             self._link.send(self._link.mav.mission_ack_encode(*self._to, ACCEPTED, self._kind))
         elif not self.over:
             self.repeat()
+
+
+def finish(transfer: Transfer, link: MavlinkConnection, party: Party, failed: str) -> None:
+    """Wait until a transfer is over, where nothing else is to be done. failed: how the sentence begins that says why it
+    has failed. Raises BodyError."""
+    while not transfer.over:
+        transfer.tend(time.monotonic())
+        for message in link.receive():
+            if message.get_srcSystem() == party.system:
+                transfer.hear(message, time.monotonic())
+        if not transfer.over:
+            time.sleep(PAUSE)
+    if transfer.failed:
+        raise BodyError(f"{failed}: {transfer.failed}")

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -210,7 +211,11 @@ def test_another_fleet_is_no_radio_silence(channel: str) -> None:
 def test_a_stop_that_no_disk_holds_is_no_success_and_the_next_life_begins_stopped(channel: str, tmp_path: Path) -> None:
     import resource
 
-    store = tmp_path / "two.store"
+    store, both = tmp_path / "two.store", ["r1", "r2"]
+
+    def told(*arguments: str) -> Any:
+        return json.loads(called_warm(*arguments, "--json", "--channel", channel).out)
+
     with swarm(2, channel, "--store", str(store), *at_rest(tmp_path)) as process:
         soft, hard = resource.prlimit(process.pid, resource.RLIMIT_FSIZE)
         resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (1, hard))
@@ -219,16 +224,15 @@ def test_a_stop_that_no_disk_holds_is_no_success_and_the_next_life_begins_stoppe
         assert "not stored, so a restart may forget it 2: r1, r2" in stopped.out
         assert "STOP could not be stored everywhere, so a restart may forget it" in stopped.err
         resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (soft, hard))
-        told = again_until(
-            lambda found: json.loads(found.out)["n_not_stored"] == 0,
-            lambda: called_warm("release", "--json", "--channel", channel),
-        )
-        assert json.loads(told.out)["matched"] == ["r1", "r2"]
+        again_until(lambda found: (found["matched"], found["n_not_stored"]) == (both, 0), lambda: told("release"))
         resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (1, hard))
-        assert json.loads(called_warm("stop", "--json", "--channel", channel).out)["not_stored"] == ["r1", "r2"]
+        assert told("stop", "--expect", "2")["not_stored"] == both
         process.kill()
     with swarm(2, channel, "--store", str(store), *at_rest(tmp_path)):
-        robots = json.loads(called_warm("watch", "--once", "--json", "--channel", channel).out)["robots"]
+        robots = again_until(
+            lambda found: [robot["told"] is not None for robot in found] == [True, True],
+            lambda: told("watch", "--once")["robots"],
+        )
         assert [(robot["stopped"], robot["doubt"]) for robot in robots] == [(True, "its store has lost its marker")] * 2
 
 

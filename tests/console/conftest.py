@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, BrowserContext, sync_playwright
 
-from console.running import PATIENCE, Page, Program, open_page
+from console.running import PATIENCE, Page, Program, let_run, open_page
 from small_worlds import write
 
 NAMES = "chromium-headless-shell", "chromium", "chromium-browser", "google-chrome"
@@ -36,12 +36,18 @@ text = "(WHEN (> battery 60%) (JOIN crew))"
 
 
 @pytest.fixture(scope="module")
-def program(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
-    """Twenty rovers on a page, at five times real time."""
+def small(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
+    """Twenty rovers on a page."""
     folder = tmp_path_factory.mktemp("small")
     write(folder, more=COMMANDS)
-    with Program("run", folder, "--page", "--speed", "5") as started:
+    with Program("run", folder, "--page") as started:
         yield started
+
+
+@pytest.fixture
+def program(small: Program) -> Program:
+    """Twenty rovers on a page, at five times real time; what they were told before, they know."""
+    return let_run(small, 5.0)
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
-from console.running import PATIENCE, Program
+from console.running import PATIENCE, Program, let_run
 from console.test_page import await_picture, pause, pixels, send, type_in, until
 from sleepcast.api.looks import LOOKS, of_colour, of_group
 
@@ -26,7 +26,7 @@ def flock() -> Iterator[Program]:
 @pytest.fixture
 def page(flock: Program, context: BrowserContext) -> Page:
     found = context.new_page()
-    found.goto(flock.address)
+    found.goto(let_run(flock).address)
     await_picture(found)
     expect(found.locator("#legend li")).not_to_have_count(0)
     return found

@@ -17,7 +17,7 @@ from channel.test_udp import free_port
 from cli.calling import called
 from cli.test_notices import attacked
 from cli.test_swarm import swarm
-from console.running import PATIENCE, Page, Program, number, open_page
+from console.running import PATIENCE, Page, Program, let_run, number, open_page
 from console.test_page import until
 from processes import live_in
 
@@ -42,10 +42,15 @@ def channel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 
 @pytest.fixture(scope="module")
-def on_air(channel: str) -> Iterator[Program]:
+def desk(channel: str) -> Iterator[Program]:
     with Program("console", "--channel", channel, "--every", "0.3") as started:
         yield started
         assert started.end() == 130
+
+
+@pytest.fixture
+def on_air(desk: Program) -> Program:
+    return let_run(desk)
 
 
 @pytest.fixture

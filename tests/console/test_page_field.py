@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
 from console.conftest import COMMANDS
-from console.running import PATIENCE, Program
+from console.running import PATIENCE, Program, let_run
 from console.test_page import opened, pause, pixels, pixels_seen
 from small_worlds import write
 
@@ -46,7 +46,7 @@ def meadow(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
 
 @pytest.fixture
 def page(meadow: Program, context: BrowserContext) -> Iterator[Page]:
-    yield from opened(meadow, context)
+    yield from opened(let_run(meadow), context)
 
 
 def test_a_field_is_a_layer_with_its_scale(page: Page) -> None:

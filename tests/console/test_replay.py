@@ -59,15 +59,23 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def replay(file: Path) -> Iterator[Program]:
+def player(file: Path) -> Iterator[Program]:
     with Program("replay", str(file)) as started:
         yield started
 
 
 @pytest.fixture
+def replay(player: Program) -> Program:
+    """It stands at its beginning, whatever the test before has left behind."""
+    with open_page(player) as page:
+        page.tell("pace", running=False, factor=1.0)
+        page.tell("seek", time=0.0)
+    return player
+
+
+@pytest.fixture
 def page(replay: Program) -> Iterator[Page]:
     with open_page(replay) as found:
-        found.tell("pace", running=False)
         yield found
 
 

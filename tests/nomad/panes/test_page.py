@@ -15,7 +15,7 @@ import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from console.running import PATIENCE, Program, open_page
+from console.running import PATIENCE, Program, let_run, open_page
 from console.running import Page as Line
 from console.test_page import await_picture, pixels_seen, settle, until
 from sleepcast.nomad.client.nomad import Nomad
@@ -49,9 +49,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
 def nomads(server: Program) -> Program:
     """The server at four times real time, without STOP, and with the walls of the room alone, whatever the test before
     left behind and however that ended."""
-    with open_page(server) as page:
-        page.tell("release")
-        page.tell("pace", running=True, factor=4)
+    with open_page(let_run(server, 4.0)) as page:
         assert page.ask("load", name="room.txt", text=ROOM)["type"] == "done"
     return server
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import logging
 import os
 import resource
@@ -10,18 +9,16 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, closing, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager
 from http.client import HTTPConnection
 from pathlib import Path
 
 import pytest
-import uvicorn
 from playwright.sync_api import BrowserContext, expect
 
-from arriving import AGES, arriving, nothing_left_open, turns
 from console.running import PATIENCE, Program, open_page
-from sleepcast.console.lobby import KNOWN_PATIENCE, MAX_CONNECTIONS, Lobby, LobbyServer, protocol_in
-from sleepcast.console.server import QUIET, listen
+from sleepcast.console.lobby import KNOWN_PATIENCE, MAX_CONNECTIONS, Lobby
+from sleepcast.console.server import QUIET
 from sleepcast.core.clock import ManualClock
 from small_worlds import write
 
@@ -174,27 +171,3 @@ def test_the_token_leaves_the_address_and_the_page_can_be_loaded_again(tmp_path:
         page.evaluate("localStorage.setItem('sleepcast.token', 'of an earlier start')")
         page.goto(f"http://{program.host}/")
         expect(page.get_by_text("the address lacks the right token").first).to_be_visible()
-
-
-@pytest.mark.parametrize("age", AGES)
-def test_whoever_arrives_as_the_server_ends_is_hung_up_on(age: int) -> None:
-    async def nothing(scope: object, receive: object, send: object) -> None:
-        """An application that nobody asks."""
-
-    async def scene() -> None:
-        reads = protocol_in(Lobby(ManualClock(), print))
-        config = uvicorn.Config(nothing, http=reads, lifespan="off", log_level="error", timeout_graceful_shutdown=1)
-        config.load()
-        server = LobbyServer(config)
-        server.lifespan = config.lifespan_class(config)
-        listener = listen("127.0.0.1", 0)
-        await server.startup([listener])
-        with arriving(listener.getsockname()[1]) as client:
-            await turns(age)
-            await server.shutdown([listener])
-            with suppress(ConnectionResetError):
-                async with asyncio.timeout(PATIENCE):
-                    assert await asyncio.get_running_loop().sock_recv(client, 1) == b""
-
-    with nothing_left_open():
-        asyncio.run(scene())

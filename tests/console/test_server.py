@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import re
 import signal
 import socket
 import subprocess
 import sys
-from contextlib import closing
+from contextlib import closing, suppress
 from http.client import HTTPConnection
 from pathlib import Path
 
 import pytest
+import uvicorn
 
-from console.running import Program, open_page
+from arriving import AGES, arriving, nothing_left_open, turns
+from console.running import PATIENCE, Program, open_page
 from sleepcast.console import server
+from sleepcast.console.lobby import Lobby, LobbyServer, protocol_in
 from sleepcast.console.server import DEFAULT_PORT, PortError, listen
+from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.hosts import is_loopback
 from small_worlds import write
@@ -148,3 +153,27 @@ def first_words(folder: Path, **environment: str) -> str:
     assert process.returncode == 130
     assert "Traceback" not in rest
     return said
+
+
+@pytest.mark.parametrize("age", AGES)
+def test_whoever_arrives_as_the_server_ends_is_hung_up_on(age: int) -> None:
+    async def nothing(scope: object, receive: object, send: object) -> None:
+        """An application that nobody asks."""
+
+    async def scene() -> None:
+        reads = protocol_in(Lobby(ManualClock(), print))
+        config = uvicorn.Config(nothing, http=reads, lifespan="off", log_level="error", timeout_graceful_shutdown=1)
+        config.load()
+        ending = LobbyServer(config)
+        ending.lifespan = config.lifespan_class(config)
+        listener = listen("127.0.0.1", 0)
+        await ending.startup([listener])
+        with arriving(listener.getsockname()[1]) as client:
+            await turns(age)
+            await ending.shutdown([listener])
+            with suppress(ConnectionResetError):
+                async with asyncio.timeout(PATIENCE):
+                    assert await asyncio.get_running_loop().sock_recv(client, 1) == b""
+
+    with nothing_left_open():
+        asyncio.run(scene())

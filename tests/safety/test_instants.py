@@ -8,6 +8,7 @@ import pytest
 
 from safety.scene import STEP, Scene
 from sleepcast.core.clock import ManualClock
+from sleepcast.language import CheckError
 from sleepcast.language.reader import ReadError
 from sleepcast.mind.instants import MAX_WAITING, MeasuredClocks, UnknownClocks
 from sleepcast.station import Account
@@ -192,6 +193,14 @@ def test_answers_that_are_lost_at_the_instant_are_asked_for() -> None:
     made.join("chief")
     made.run(3.0)
     assert (counted(desk, sent).n_matched, counted(desk, sent).n_not_matched) == (3, 1)
+
+
+def test_what_is_wrong_is_told_of_what_was_written() -> None:
+    desk = scene().desk()
+    with pytest.raises(CheckError) as refused:
+        desk.prepare("(WHEN (> x 0) (DRIVVE 1))", Terms(at=desk.now + 2.0))
+    assert "at 1:15" in str(refused.value)
+    assert "AFTER-ISSUE" not in str(refused.value)
 
 
 def test_a_desk_turns_a_time_into_an_instant_when_it_sends() -> None:

@@ -261,6 +261,8 @@ class Station:
 
     def _draft(self, text: str, terms: Terms) -> Draft:
         whole = with_instant(text, terms.at, self._clock.now())
+        if terms.at is not None:  # what is wrong is to be told of what was written, not of what stands around it
+            self.check(text, only=terms.audience.only, anyway=terms.anyway).required()
         checked = self.check(whole, only=terms.audience.only, anyway=terms.anyway)
         program = checked.required()
         if self.policy.strict and checked.findings:

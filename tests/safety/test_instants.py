@@ -198,8 +198,8 @@ def test_answers_that_are_lost_at_the_instant_are_asked_for() -> None:
 def test_what_is_wrong_is_told_of_what_was_written() -> None:
     desk = scene().desk()
     with pytest.raises(CheckError) as refused:
-        desk.prepare("(WHEN (> x 0) (DRIVVE 1))", Terms(at=desk.now + 2.0))
-    assert "at 1:15" in str(refused.value)
+        desk.prepare("(WHEN (> x 0) (SETQ y (SQRT 1 2)))", Terms(at=desk.now + 2.0))
+    assert "at 1:23" in str(refused.value)
     assert "AFTER-ISSUE" not in str(refused.value)
 
 

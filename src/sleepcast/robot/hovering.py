@@ -53,6 +53,16 @@ class Hovering(Protocol):
         """Climb at this speed, m/s, or sink, on the spot."""
 
 
+class Cutting(Protocol):
+    """What expressions may ask of a body that hovers and has an emergency stop, after which it falls."""
+
+    def cut_motors(self) -> None:
+        """Stop its motors until it is switched off and on again."""
+
+    def cut_all_motors(self) -> None:
+        """The same of all on its radio channel."""
+
+
 def sensors(limits: Limits, fresh: float) -> tuple[Quantity, ...]:
     """What all that hover measure. fresh: seconds after which it counts as unknown; of the battery, `SELDOM`."""
     speed, turn = OTHERS_MOVE_IT * limits.speed, OTHERS_MOVE_IT * limits.turn_rate
@@ -110,6 +120,26 @@ def functions(body: type[Hovering]) -> tuple[HostFunction, ...]:
             (SPEED,),
             arguments="speed",
             doc="Climbs at this speed, or sinks, in one place until it is told something else.",
+        ),
+    )
+
+
+def emergency_functions(body: type[Cutting]) -> tuple[HostFunction, ...]:
+    """What those do besides that have an emergency stop, of bodies of this class."""
+    return (
+        HostFunction(
+            "MOTORS-OFF",
+            body.cut_motors,
+            doc="Stops the motors, in the air too, until it is switched off and on again.",
+            irreversible=True,
+            moves=False,
+        ),
+        HostFunction(
+            "ALL-MOTORS-OFF",
+            body.cut_all_motors,
+            doc="Stops the motors of all Crazyflies on its radio channel, until they are switched off and on again.",
+            irreversible=True,
+            moves=False,
         ),
     )
 

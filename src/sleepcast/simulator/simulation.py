@@ -370,6 +370,12 @@ class Robots(Sequence[Body]):
     def touch_down(self, robots: Whole) -> Results:
         return pilot_of(self.bodies).touch_down(robots)
 
+    def cut_motors(self, robots: Whole) -> Results:
+        return pilot_of(self.bodies).cut_motors(robots)
+
+    def cut_all_motors(self, robots: Whole) -> Results:
+        return pilot_of(self.bodies).cut_all_motors(robots)
+
     def climb(self, robots: Whole, speed: Floats) -> Results:
         return pilot_of(self.bodies).climb(robots, speed)
 

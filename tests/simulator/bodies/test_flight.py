@@ -274,6 +274,70 @@ def test_fast_ones_do_not_pass_through_each_other() -> None:
     assert {saying.robot for saying in simulator.sayings} == {HIGH, 3}
 
 
+def test_stop_on_the_way_to_ceiling_and_floor_stays_between_them() -> None:
+    for climb in (1.0, -1.0):
+        for tick in range(0, 60, 12):
+            simulator = sky(text=SKY.replace('"8m"', '"27m"' if climb > 0.0 else '"3m"'))
+            body, limits, flight = simulator.robots[HIGH], simulator.model.limits, simulator.bodies.flight
+            assert flight is not None
+            body.climb(climb)
+            for now in range(70):
+                if now == tick:
+                    body.stop()
+                simulator.step()
+                assert limits.floor <= flight.z[HIGH] <= limits.ceiling
+            assert flight.climb_rate[HIGH] == 0.0
+
+
+def test_an_emergency_stop_lets_crazyflies_fall_also_under_stop() -> None:
+    simulator = sky(text=SKY.replace('"copter"', '"crazyflie"').replace('"8m"', '"2m"'))
+    assert {"MOTORS-OFF", "ALL-MOTORS-OFF"} <= {each.name for each in simulator.model.functions}
+    assert "MOTORS-OFF" not in {each.name for each in sky().model.functions}
+    body = simulator.robots[HIGH]
+    body.stop()
+    body.cut_motors()
+    steps(simulator, 1.0)
+    fallen = sensed(simulator, HIGH)
+    assert (fallen["z"], fallen["armed"], fallen["crashed"]) == (0.0, 0.0, 0.0)
+    assert refused(lambda: simulator.robots[HIGH].cut_motors() or body.take_off(1.0)) == hovering.LOCKED_MOTORS
+    simulator.robots[LOW].cut_all_motors()
+    assert refused(lambda: simulator.robots[2].take_off(1.0)) == hovering.LOCKED_MOTORS
+
+
+MIXED = (
+    SKY.replace("[robots]", "[[robots]]")
+    + """
+[[robots]]
+type = "rover"
+motion = "still"
+starts = [["20m", "20m", "0deg"], ["40m", "40m", "0deg"]]
+limits = { speed = "1m/s", turn_rate = "90deg/s", acceleration = "1m/s2" }
+body = { radius = "0.3m" }
+"""
+)
+
+
+def test_beside_copters_rovers_stay_on_the_ground() -> None:
+    simulator = sky(text=MIXED)
+    everybody = np.arange(5)
+    results = simulator.robots.take_off(everybody, np.full(5, 3.0))
+    assert results is not None
+    assert [str(result) for result in results] == ["1.0"] * 3 + ["this robot does not fly"] * 2
+    assert simulator.robots.go_to(everybody[3:], np.array([25.0, 45.0]), np.array([20.0, 40.0])) is None
+    steps(simulator, 8.0)
+    rover = sensed(simulator, 3)
+    assert rover["x"] == pytest.approx(25.0, abs=0.3)
+    assert all(np.isnan(rover[name]) for name in ("z", "height", "climb_rate", "armed", "flying", "crashed"))
+    simulator.robots[HIGH].go_to(25.0, 20.0, 3.0)
+    steps(simulator, 12.0)
+    assert not simulator.sayings, "above it, it touches nothing"
+    simulator.robots[HIGH].touch_down()
+    steps(simulator, 8.0)
+    assert [(each.robot, each.text) for each in simulator.sayings] == [(HIGH, "has crashed into rover1")]
+    assert simulator.heights is not None
+    assert simulator.heights[HIGH] == 0.0
+
+
 def test_who_is_let_go_of_hovers_or_lands_as_its_type_says() -> None:
     for name, lands in (("copter", False), ("crazyflie", True)):
         simulator = sky(text=SKY.replace('"copter"', f'"{name}"').replace('"8m"', '"1m"'))

@@ -28,7 +28,6 @@ from sleepcast.bridges.body import FRESH, LAG, REST, BridgedBody, Motion, OutOfR
 from sleepcast.bridges.crazyflie.radio import RATES, is_radio_address, radio_uri, stop_all_by_port, stop_all_by_radio
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
-from sleepcast.core.model import HostFunction
 from sleepcast.robot import Geometry, Limits, Reading, RobotModel, hovering
 from sleepcast.robot.hovering import FLYING, GROUNDED, LANDING, LOCKED_MOTORS
 
@@ -331,23 +330,7 @@ class CrazyflieBody(BridgedBody):
             self.cut_motors()
 
 
-FUNCTIONS = (
-    *hovering.functions(CrazyflieBody),
-    HostFunction(
-        "MOTORS-OFF",
-        CrazyflieBody.cut_motors,
-        doc="Stops the motors, in the air too, until it is switched off and on again.",
-        irreversible=True,
-        moves=False,
-    ),
-    HostFunction(
-        "ALL-MOTORS-OFF",
-        CrazyflieBody.cut_all_motors,
-        doc="Stops the motors of all Crazyflies on its radio channel, until they are switched off and on again.",
-        irreversible=True,
-        moves=False,
-    ),
-)
+FUNCTIONS = (*hovering.functions(CrazyflieBody), *hovering.emergency_functions(CrazyflieBody))
 
 
 def model_of(limits: Limits) -> RobotModel:

@@ -179,6 +179,12 @@ class Body:
     def climb(self, speed: float) -> None:
         self._told(Pilot.climb, speed)
 
+    def cut_motors(self) -> None:
+        self._told(Pilot.cut_motors)
+
+    def cut_all_motors(self) -> None:
+        self._told(Pilot.cut_all_motors)
+
     def _told(self, command: Callable[..., Results], *numbers: float) -> None:
         """Tell this body alone what many can be told. Raises what it refuses it with."""
         numbers_of_many = (np.array([number]) for number in numbers)
@@ -266,6 +272,11 @@ FLIGHT_FUNCTIONS = tuple(
     for each in hovering.functions(Body)
 )
 """Where robots fly."""
+EMERGENCY_FUNCTIONS = tuple(
+    replace(each, many=_by(each.call.__name__), doc=each.doc.replace("on its radio channel", "in this world"))
+    for each in hovering.emergency_functions(Body)
+)
+"""Where some of them have an emergency stop."""
 WHEEL_FUNCTIONS = (
     HostFunction(
         "VM",
@@ -330,10 +341,10 @@ def _moving(scenario: Scenario) -> tuple[HostFunction, ...]:
     """The functions of bodies on the ground, where there are any, and of those that fly."""
     if scenario.robots.flight is None:
         return FUNCTIONS
-    flies = {each.name for each in FLIGHT_FUNCTIONS}
-    rolls = any(spec.flight is None for spec in scenario.each_type)
-    others = (each for each in FUNCTIONS if each.name not in flies and (rolls or not each.moves))
-    return (*FLIGHT_FUNCTIONS, *others)
+    flights = [spec.flight for spec in scenario.each_type]
+    flies = (*FLIGHT_FUNCTIONS, *(EMERGENCY_FUNCTIONS if any(each and each.cuts for each in flights) else ()))
+    names, rolls = {each.name for each in flies}, None in flights
+    return (*flies, *(each for each in FUNCTIONS if each.name not in names and (rolls or not each.moves)))
 
 
 def _lacking(scenario: Scenario, functions: tuple[HostFunction, ...]) -> tuple[HostFunction, ...]:

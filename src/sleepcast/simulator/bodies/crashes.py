@@ -29,7 +29,7 @@ def crash(bodies: Bodies, flight: Flight, names: Sequence[str]) -> None:
     for robot in sorted(hit):
         bodies.say(Saying(bodies.time, robot, f"has crashed into {names[hit[robot]]}"))
     if hit:
-        flight.lock(np.array(sorted(hit)))
+        flight.crash(np.array(sorted(hit)))
 
 
 def _touching(bodies: Bodies, way: Floats, z: Floats, first: Whole) -> tuple[Whole, Whole]:

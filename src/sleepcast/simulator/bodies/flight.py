@@ -7,7 +7,7 @@ stands, or falls; what has crashed is locked and stays where it fell. `pilot` sa
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from math import nan
 from typing import Protocol
 
@@ -19,7 +19,7 @@ from sleepcast.robot import Limits
 from sleepcast.simulator.motion import flying
 from sleepcast.simulator.motion.driving import DRIVE, GOTO, bounded
 from sleepcast.simulator.motion.flying import GRAVITY, FlightLaws
-from sleepcast.simulator.scenario.flight import BATTERY, CRASHED, SENSORS
+from sleepcast.simulator.scenario.flight import BATTERY, CRASHED, SENSORS, FlightSpec
 from sleepcast.simulator.scenario.robot_settings import RobotSpec
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.starts import Formation, start_heights
@@ -229,11 +229,16 @@ class Flight:
             used = self._per_second[rows] * self._laws.tick + self._per_climb[rows] * np.maximum(climb, 0.0)
             self._charge[rows] = np.maximum(self._charge[rows] - np.where(up, used, 0.0), 0.0)
 
-    def lock(self, which: Whole) -> None:
-        """Let these crash: their motors stop for good."""
-        self.locked[which] = True
-        self.crashed[which], self.armed[which], self.flying[which] = 1.0, 0.0, 0.0
+    def crash(self, which: Whole) -> None:
+        """Let these fall where they are: their motors stop for good."""
+        self.crashed[which] = 1.0
+        self.lock(which)
         self.velocity_x[which] = self.velocity_y[which] = 0.0
+
+    def lock(self, which: Whole) -> None:
+        """Stop the motors of these for good."""
+        self.locked[which] = True
+        self.armed[which] = self.flying[which] = 0.0
         self.rest(which)
 
     @property
@@ -247,8 +252,16 @@ class Flight:
     @property
     def lands_alone(self) -> Flags:
         """Which bodies land where nobody drives them any more; the others hover."""
+        return self._of_types(lambda flight: flight.failsafe == "land")
+
+    @property
+    def cuts(self) -> Flags:
+        """Which bodies have an emergency stop."""
+        return self._of_types(lambda flight: flight.cuts)
+
+    def _of_types(self, test: Callable[[FlightSpec], bool]) -> Flags:
         types = self._bodies.scenario.each_type
-        return self._bodies.by_type([bool(each.flight and each.flight.failsafe == "land") for each in types]) > 0.0
+        return self._bodies.by_type([float(each.flight is not None and test(each.flight)) for each in types]) > 0.0
 
     def rise(self, robots: Whole, others: Whole) -> Floats:
         """How much higher each of the others is, m; what stands on the ground is as high as that."""

@@ -18,6 +18,7 @@ from sleepcast.simulator.bodies.bodies import Bodies, Flags, Floats, Whole
 from sleepcast.simulator.bodies.flight import GROUND, LANDS, Flight
 
 STAYS = "this robot does not fly"
+UNCUT = "this robot has no emergency stop"
 STOPPED = "it is stopped: RELEASE it first"
 EMPTY = "its battery is empty: it does not take off"
 
@@ -86,6 +87,19 @@ class Pilot(NamedTuple):
         flight.target_z[told.free] = height
         return told.results
 
+    def cut_motors(self, robots: Whole) -> Results:
+        """STOP does not keep anybody from it."""
+        told = self._told_of_emergency(robots)
+        self.flight.lock(told.free)
+        return told.results
+
+    def cut_all_motors(self, robots: Whole) -> Results:
+        """Of all that have an emergency stop, as if they were on one radio channel."""
+        told = self._told_of_emergency(robots)
+        if told.free.size:
+            self.flight.lock(np.flatnonzero(self.flight.cuts))
+        return told.results
+
     def let_go(self, which: Whole) -> None:
         """Land those of these bodies that land where nobody drives them any more."""
         self.land(which[self.flight.lands_alone[which]])
@@ -100,6 +114,12 @@ class Pilot(NamedTuple):
         """A command to these. flies: which of them it concerns; None if those on the ground refuse it."""
         told = _Told(robots, ~self.bodies.stopped[robots], np.ones(len(robots), bool) if flies is None else flies)
         told.refuse(~self.flight.flies[robots], STAYS)
+        return told
+
+    def _told_of_emergency(self, robots: Whole) -> _Told:
+        everybody = np.ones(len(robots), bool)
+        told = _Told(robots, everybody.copy(), everybody)
+        told.refuse(~self.flight.cuts[robots], UNCUT)
         return told
 
     def _is_grounded(self, robots: Whole) -> Flags:

@@ -36,6 +36,7 @@ class FlightSpec:
     hovers: s for which a full battery keeps it in the air, inf for ever
     climbs: m that it climbs on a full battery, apart from that
     failsafe: "hover" or "land": what it does where nobody drives it any more
+    cuts: whether it has an emergency stop, after which it falls
     """
 
     sink: float
@@ -43,6 +44,7 @@ class FlightSpec:
     hovers: float = inf
     climbs: float = inf
     failsafe: str = "hover"
+    cuts: bool = False
 
 
 def read_flight(robots: Table, limits: Limits) -> tuple[FlightSpec, Limits]:
@@ -62,6 +64,7 @@ def read_flight(robots: Table, limits: Limits) -> tuple[FlightSpec, Limits]:
             hovers=table.number("hovers", TIME, inf, low=1.0),
             climbs=table.number("climbs", LENGTH, inf, low=1.0),
             failsafe=table.text("failsafe", "hover", choices=("hover", "land")),
+            cuts=table.flag("emergency_stop", False),
         )
         return spec, replace(limits, climb=climb, floor=floor, ceiling=ceiling)
 

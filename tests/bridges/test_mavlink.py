@@ -328,6 +328,7 @@ def test_a_vehicle_without_its_mind_or_its_operator_does_what_its_setting_says(f
     rig.body.let_go()
     rig.wait(0.2)
     assert rig.vehicle.mode == COPTER[failsafe]
+    assert rig.body.complaints() == [f"nobody drives it any more: it is to be in {failsafe}"]
     rig.body.stop()
     rig.wait(0.2)
     assert rig.vehicle.mode == COPTER["LOITER"], "STOP comes before a failsafe"
@@ -753,7 +754,8 @@ def test_stop_and_failsafe_are_ordered_until_they_have_taken_effect() -> None:
         rig.vehicle.refuse = set()
         rig.wait(2.0)
         assert rig.vehicle.mode == COPTER[mode]
-        assert rig.body.complaints()[:2] == [
+        said = rig.body.complaints()
+        assert [each for each in said if "the order about the mode" in each][:2] == [
             "it has not answered the order about the mode",
             "the order about the mode was answered: denied",
         ]

@@ -162,6 +162,8 @@ def test_without_its_operator_it_circles_or_does_what_its_setting_says(failsafe:
     x, y = rig.sensed()["x"], rig.sensed()["y"]
     mind.go_on(20.0)
     assert rig.vehicle.mode == (PLANE["GUIDED"] if failsafe == "LOITER" else PLANE["RTL"])
+    does = "it circles where it is, in GUIDED" if failsafe == "LOITER" else "it is to be in RTL"
+    assert rig.body.complaints() == [f"nobody drives it any more: {does}"]
     assert hypot(rig.sensed()["x"] - x, rig.sensed()["y"] - y) < RADIUS + OVER + PACE
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from random import Random
 
 import pytest
+from msgspec.json import encode
 from rich.console import Console
 
 from safety.scene import KEYS, START, Scene
@@ -584,6 +585,9 @@ def test_the_page_draws_what_robots_tell_of_their_fences_and_plans() -> None:
         fleet.hear()
     assert fleet.scene.areas == (yard, NamedOutline("survey", WAY.points, False), NamedOutline("fence1", FENCE.points))
     assert fleet.scene.area[2] > 30.0, "the way lies on the map"
+    sent = json.loads(encode(fleet.scene.areas))
+    assert [area.get("closed", True) for area in sent] == [True, False, True]
+    assert "closed" not in sent[0], "what pages of areas alone are sent is as it was"
 
 
 @pytest.mark.parametrize(

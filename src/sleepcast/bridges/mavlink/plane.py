@@ -130,19 +130,23 @@ class MavlinkPlane(MavlinkVehicle):
                         CHANGE_SPEED, self.SPEED_OF, self.model.limits.speed, -1.0, queue=ASKED, tick=self._tick
                     )
                     self._tell(ASKED)
-            case _:
+            case _ if self._claimed[0] < 0:  # else it is on its way into another mode
                 if anew or self._circle is None:
                     self._circle = self._resting_circle()
                 if self._circle != self._told and self._clock.now() >= self._tell_again:
                     self._tell(AT_ONCE)
 
     def _claim_for(self, reason: str) -> int:
-        stays = self._mode == self._modes[GUIDED] and self.failsafe.values[0] == self._standing
-        return -1 if reason == "failsafe" and stays else super()._claim_for(reason)  # it circles there, too
+        circles = self._mode == self._modes[GUIDED] and self.failsafe.values[0] == self._standing
+        if reason != "failsafe" or not circles or not self._armed:
+            return super()._claim_for(reason)
+        self._say_once("nobody drives it any more: it circles where it is, in GUIDED")
+        return -1
 
     def carry_out(self, motion: Motion) -> None:
         if self._mode != self._modes[GUIDED]:
             self._circle = self._told = None
+            self._orders.forget(lambda order: order.command == REPOSITION)
         place = super().here()
         if isfinite(sum(place)) and self.model.limits.holds(*place, self.CIRCLE):
             self._roomy = place

@@ -299,6 +299,8 @@ class MavlinkVehicle(BridgedBody):
         if reason != "failsafe" and self._mode == self._modes[GUIDED]:
             return -1
         if reason == "stop" or self._is_ours():
+            if reason == "failsafe":
+                self._say_once(f"nobody drives it any more: it is to be in {self._names[wanted]}")
             return wanted
         if reason == "failsafe":
             self._say_once(

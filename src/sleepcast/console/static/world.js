@@ -266,7 +266,8 @@ export class World extends EventTarget {
     this.moved(true);
   }
 
-  // The rectangle in which robots, places and lights are (and what is solid for Nomads), and so much room around it (m).
+  // The rectangle in which robots, their ways, places and lights are (and what is solid for Nomads), and so much room around it
+  // (m).
   crowd(room) {
     const { poses, count } = this.frame;
     const named = [...this.scene.places, ...this.scene.lights];
@@ -279,6 +280,7 @@ export class World extends EventTarget {
     };
     for (let i = 0; i < count; i += 1) take(poses[3 * i], poses[3 * i + 1]);
     for (const place of named) take(place.x, place.y);
+    for (const [x, y] of this.scene.areas.filter(({ closed }) => closed === false).flatMap(({ corners }) => corners)) take(x, y);
     if (this.scene.discs) for (const [x, y] of this.scene.obstacles.flat(2)) take(x, y);
     return [box[0] - room, box[1] - room, box[2] + room, box[3] + room];
   }

@@ -97,6 +97,11 @@ def test_a_rule_that_says_it_in_every_tick_begins_it_once() -> None:
     mind.go_on(12.0)
     assert [number for number, _ in rig.vehicle.orders if number == 300] == [300]
     assert rig.sensed()["waypoint"] >= 2.0
+    rig.vehicle_body.narrow(Limits(inf, inf, inf, fence=(-5.0, -5.0, 5.0, 5.0)))
+    rig.vehicle_body.fly_plan(1.0)
+    mind.say("(SET_MODE GUIDED)")
+    with pytest.raises(FencedError, match="plan survey: the way to item 2 passes the fence"):
+        rig.vehicle_body.fly_plan(1.0)
 
 
 @pytest.mark.parametrize("lost", [1, 2, 5])

@@ -426,11 +426,13 @@ class MavlinkVehicle(BridgedBody):
         if self._map is None:
             raise MisuseError("the vehicle has not said yet where it is")
         self.check_hands()
+        if self._motion.sort == "plan" and self._plans.flies(number):  # a rule says it in every tick
+            return
         known, home = self._sensed(), None if self._home is None else self._map.metres(*self._home)
         here = known.get("x", nan), known.get("y", nan)
         around = Circumstances(self.model.limits, self._map, here, home, self._ground, self._flies, self.CIRCLE)
         self._plans.check(number, around)
-        if not self._stopped and (self._motion.sort != "plan" or not self._plans.flies(number)):  # see `take_off`
+        if not self._stopped:
             self.move(Motion("plan", (float(number),)))
 
     def here(self) -> tuple[float, float]:

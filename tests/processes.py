@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+import forkserver
+
 SLEEPCAST = ("env", "--default-signal=INT,TERM", sys.executable, "-m", "sleepcast")
 """The program as a shell starts it in the foreground: signals end it."""
 
@@ -26,7 +28,7 @@ def start(
     *command: object, stdin: int = subprocess.DEVNULL, stderr: int = subprocess.PIPE, **changes: str
 ) -> subprocess.Popen[str]:
     """A process whose output we read. changes: of its environment."""
-    return subprocess.Popen(
+    return forkserver.Popen(
         [str(word) for word in command],
         stdin=stdin,
         stdout=subprocess.PIPE,

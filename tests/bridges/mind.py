@@ -10,6 +10,8 @@ import time
 from collections.abc import Iterable
 from pathlib import Path
 
+import forkserver
+
 PATIENCE = 60.0
 """Seconds that a busy machine may take."""
 TIMES = 6
@@ -23,7 +25,7 @@ class Talking:
     def __init__(self, screen: Path, *command: object, folder: Path | None = None, **changes: str) -> None:
         self._screen, self._read = screen, 0
         with screen.open("w") as file:
-            self._running = subprocess.Popen(
+            self._running = forkserver.Popen(
                 [sys.executable, *map(str, command)],
                 cwd=folder,
                 env={**os.environ, **changes},

@@ -19,6 +19,8 @@ from typing import Any
 
 import pytest
 
+import forkserver
+
 pytest.importorskip("pymavlink")
 pytest.importorskip("pyproj")
 
@@ -607,7 +609,7 @@ def test_a_simulated_robot_is_stopped_released_and_driven_from_a_ground_station(
 
     def start() -> subprocess.Popen[bytes]:
         with (tmp_path / "screen").open("a") as screen:
-            return subprocess.Popen(
+            return forkserver.Popen(
                 [sys.executable, "-m", "sleepcast", *command],
                 stdin=subprocess.DEVNULL,
                 stdout=screen,
@@ -650,7 +652,10 @@ def test_a_simulated_robot_is_stopped_released_and_driven_from_a_ground_station(
         node.wait(PATIENCE)
         node = start()
         desk.seen.clear()
-        until(lambda seen: "COMMAND_ACK" in seen and seen["HEARTBEAT"].custom_mode == 15, lambda: mode(15))
+        until(
+            lambda seen: {"COMMAND_ACK", "HEARTBEAT"} <= seen.keys() and seen["HEARTBEAT"].custom_mode == 15,
+            lambda: mode(15),
+        )
         assert not free(desk.seen), "it may have been disarmed before the restart"
         until(free, arm)
     finally:

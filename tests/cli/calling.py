@@ -3,7 +3,6 @@ calls that differ in a word, the same command in this process."""
 
 from __future__ import annotations
 
-import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -14,6 +13,7 @@ from typing import TypeVar
 
 import pytest
 
+import forkserver
 from sleepcast.cli import main
 
 Found = TypeVar("Found")
@@ -33,13 +33,12 @@ class Called:
 
 def called(*arguments: str | bytes, typed: str | bytes = b"", folder: Path | None = None) -> Called:
     """`python -m sleepcast ARGUMENTS` in `folder`, with `typed` on its standard input."""
-    done = subprocess.run(
+    done = forkserver.run(
         [sys.executable, "-m", "sleepcast", *arguments],
         input=typed.encode() if isinstance(typed, str) else typed,
         capture_output=True,
         timeout=LONGEST,
         cwd=folder,
-        check=False,
     )
     return Called(done.returncode, done.stdout.decode(), done.stderr.decode())
 

@@ -87,9 +87,11 @@ def test_the_best_four_obey_and_a_script_is_told_who_bid(dozen: str) -> None:
 
 def test_a_person_is_told_who_was_chosen_and_who_was_outbid_by_whom(on_air: Callable[..., Called]) -> None:
     text = "(BEST 1 id (< id 3) (MARK) :window 2s)"
-    told_of = again_until(lambda found: "chosen r1 (1)" in found.out, lambda: on_air("send", text))
+    foretold = "would bid 2: r1, r2; cannot say 0; would not 10; 1 at most will obey"
+    told_of = again_until(
+        lambda found: "chosen r1 (1)" in found.out and foretold in found.err, lambda: on_air("send", text)
+    )
     assert "outbid 1: r2 by r1" in told_of.out
-    assert "would bid 2: r1, r2; cannot say 0; would not 10; 1 at most will obey" in told_of.err
     quorum = again_until(lambda found: "silent 0" in found.out, lambda: on_air("send", "(QUORUM 5 8 (< id 3) (MARK))"))
     assert "wanted 5: nobody was chosen" in quorum.out
     assert "outbid" not in quorum.out

@@ -20,6 +20,8 @@ from urllib.parse import urlsplit
 
 from websockets.sync.client import ClientConnection, connect
 
+import forkserver
+
 PATIENCE = 120.0
 """Seconds that a busy machine may take for what a person sees at once."""
 
@@ -31,7 +33,7 @@ class Program:
     def __init__(self, *arguments: str | Path, waits: bool = False, **changes: str) -> None:
         running = ["--run"] * (arguments[0] in ("demo", "run") and not waits)
         command = [sys.executable, "-m", "sleepcast", *arguments, *running, "--no-browser", "--port", "0"]
-        self.process = subprocess.Popen(
+        self.process = forkserver.Popen(
             command, env={**os.environ, **changes}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
         )
         self.said = ""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from pathlib import Path
 from time import monotonic
@@ -10,6 +9,7 @@ from time import monotonic
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
+import forkserver
 from cli.test_swarm import channel, swarm
 from console.running import PATIENCE, Program
 from console.test_page import opened, send, type_in
@@ -88,7 +88,7 @@ def test_markup_of_a_scenario_and_of_commands_is_text(context: BrowserContext, t
 def test_markup_in_a_recording_is_text(context: BrowserContext, tmp_path: Path) -> None:
     world(tmp_path)
     record = ("run", str(tmp_path), "--record", str(tmp_path / "run.mcap"))
-    subprocess.run([sys.executable, "-m", "sleepcast", *record], check=True, capture_output=True)
+    forkserver.run([sys.executable, "-m", "sleepcast", *record], check=True, capture_output=True)
     with Program("replay", tmp_path / "run.mcap") as program:
         page = context.new_page()
         page.goto(program.address)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import re
 import struct
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,6 +15,7 @@ import pytest
 from playwright.sync_api import BrowserContext, expect
 from playwright.sync_api import Page as Screen
 
+import forkserver
 import sleepcast as sc
 from console.asking import put
 from console.running import PATIENCE, Page, Program, number, open_page
@@ -54,7 +54,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     scenario.write_text('mission = "mission.sleep"\n' + scenario.read_text(encoding="utf-8"), encoding="utf-8")
     (folder / "mission.sleep").write_text(MISSION, encoding="utf-8")
     command = [sys.executable, "-m", "sleepcast", "run", str(folder), "--record", str(folder / "run.mcap")]
-    subprocess.run([*command, "--record-readings", "1"], check=True, capture_output=True)
+    forkserver.run([*command, "--record-readings", "1"], check=True, capture_output=True)
     return folder / "run.mcap"
 
 
@@ -365,7 +365,7 @@ def test_the_slider_reaches_the_end_of_a_recording_of_any_length(
 ) -> None:
     short = tmp_path / "short.mcap"  # 2.2 s: two hundred steps of 0.011 s would end beyond
     command = [sys.executable, "-m", "sleepcast", "run", str(file.parent), "--seconds", "2.2", "--record", str(short)]
-    subprocess.run(command, check=True, capture_output=True)
+    forkserver.run(command, check=True, capture_output=True)
     with Program("replay", str(short)) as program:
         page = context.new_page()
         times: list[float] = []
@@ -403,7 +403,7 @@ def many(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
     ]
     (folder / "mission.sleep").write_text("\n".join(lines), encoding="utf-8")
     command = [sys.executable, "-m", "sleepcast", "run", str(folder), "--record", str(folder / "run.mcap")]
-    subprocess.run(command, check=True, capture_output=True)
+    forkserver.run(command, check=True, capture_output=True)
     with Program("replay", str(folder / "run.mcap")) as started:
         yield started
 

@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 import uvicorn
 
+import forkserver
 from arriving import AGES, arriving, nothing_left_open, turns
 from console.running import PATIENCE, Program, open_page
 from sleepcast.console import server
@@ -53,7 +54,7 @@ class TestPort:
         with socket.create_server(("127.0.0.1", 0)) as other:
             port = str(other.getsockname()[1])
             command = [sys.executable, "-m", "sleepcast", "run", folder, "--page", "--no-browser", "--port", port]
-            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            done = forkserver.run(command, capture_output=True, text=True)
         assert done.returncode == 1
         assert done.stderr.startswith(f"port {port} of 127.0.0.1 is in use")
         assert "Traceback" not in done.stderr
@@ -139,7 +140,7 @@ def first_words(folder: Path, **environment: str) -> str:
     """What the program says at its start, browser wanted."""
     bare = {name: value for name, value in os.environ.items() if name != "WAYLAND_DISPLAY"}
     command = [sys.executable, "-m", "sleepcast", "run", folder, "--page", "--port", "0"]
-    with subprocess.Popen(
+    with forkserver.Popen(
         command, env=bare | environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     ) as process:
         assert process.stdout is not None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,6 +10,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import BrowserContext, expect
 
+import forkserver
 from console.running import PATIENCE, Page, Program, open_page
 from console.test_page import opened
 from sleepcast.core.errors import MisuseError
@@ -67,7 +67,7 @@ def test_what_was_done_by_hand_is_repeated_in_another_process(session: Program, 
         file = tmp_path / "again.zip"
         assert saved(page, file, goals=goals)["tick"] == draft["tick"]
         again = [sys.executable, "-m", "sleepcast", "run", str(file), "--quiet"]
-        done = subprocess.run(again, capture_output=True, text=True, check=False)
+        done = forkserver.run(again, capture_output=True, text=True)
         assert (done.returncode, done.stderr) == (0, "")
         assert done.stdout.startswith("again: passed\n")
         assert "seed 9: 30 robots" in done.stdout

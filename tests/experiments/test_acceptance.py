@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 import tracemalloc
 import warnings
@@ -13,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+import forkserver
 import sleepcast as sc
 from sleepcast.core.errors import MisuseError
 from sleepcast.experiments.acceptance import read_test, run_test
@@ -64,7 +64,7 @@ def test_a_changed_expectation_fails_with_a_sentence(tmp_path: Path) -> None:
     mission.write_text(text.replace(f"= matched {first},", "= matched at least 29,", 1))
     file.write_text(file.read_text().replace(f"== {members}", f"== {members + 1}"))
     command = [sys.executable, "-m", "sleepcast", "run", str(saved), "--quiet"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = forkserver.run(command, capture_output=True, text=True)
     assert done.returncode == 1, done.stderr
     assert done.stdout.startswith("again: not yet\n")
     assert f"(WHEN (> battery 60%) (JOIN crew)): wanted matched at least 29, but it was {first}" in done.stdout

@@ -15,6 +15,8 @@ from pathlib import Path
 
 import pytest
 
+import forkserver
+
 LIBRARY = next((str(found) for found in Path("/usr/lib").glob("*/faketime/libfaketime.so.1")), "")
 pytestmark = pytest.mark.skipif(not LIBRARY, reason="clocks are set wrong with libfaketime: apt install libfaketime")
 PATIENCE = 60.0
@@ -38,7 +40,7 @@ class Fleet:
             environment |= {"FAKETIME_NO_CACHE": "1"}
         command = [sys.executable, "-m", "sleepcast", *arguments, "--channel", self.channel]
         with told.open("w") as errors:
-            return subprocess.Popen(
+            return forkserver.Popen(
                 command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=errors, text=True
             )
 

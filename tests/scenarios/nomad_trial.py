@@ -18,6 +18,7 @@ from contextlib import ExitStack, contextmanager
 from math import hypot, pi
 from pathlib import Path
 
+import forkserver
 from scenarios.stopping import CLEAR, SCENARIO, Outcome, Pose, Stop, distance, ruler
 from sleepcast.nomad.client.nomad import Nomad
 from sleepcast.nomad.client.nomad import Pose as Place
@@ -63,7 +64,7 @@ def free_ports() -> list[int]:
 @contextmanager
 def started(program: Program) -> Iterator[subprocess.Popen[str]]:
     """A process that ends with the block."""
-    with subprocess.Popen(program, stdout=subprocess.PIPE, text=True) as process:
+    with forkserver.Popen(program, stdout=subprocess.PIPE, text=True) as process:
         try:
             yield process
         finally:

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 from benchmarks.channel.lab import why_not
 
+import forkserver
 from cli.calling import LONGEST, called, called_here
 from sleepcast.nomad import listening_places, own_addresses
 from sleepcast.nomad.wire.encoding import HEADER, Layout, decode, encode_request
@@ -26,7 +27,7 @@ class Started:
 
     def __init__(self, *arguments: str | Path) -> None:
         command = [sys.executable, "-m", "sleepcast", "nserver", "--headless", "--port", "0", "--json"]
-        self.process = subprocess.Popen(
+        self.process = forkserver.Popen(
             [*command, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
         assert self.process.stdout is not None

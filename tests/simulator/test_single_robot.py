@@ -8,7 +8,7 @@ import pytest
 
 from sleepcast.core.clock import ManualClock
 from sleepcast.robot import Setpoint
-from sleepcast.simulator import SingleRobot
+from sleepcast.simulator import Simulator, SingleRobot, read_scenario
 from sleepcast.simulator.single_robot import MAX_AT_ONCE
 from sleepcast.testing.robot_contract import Rig, RobotContract
 from small_worlds import simulator
@@ -20,6 +20,35 @@ class TestContract(RobotContract):
         clock, world = ManualClock(50.0), simulator(tmp_path)
         body = SingleRobot(world, clock)
         world.place(0, 500.0, 500.0, 0.3)
+
+        def wait(seconds: float) -> None:
+            for _ in range(round(seconds / 0.1)):
+                clock.advance(0.1)
+                body.sense()
+
+        return Rig(body, wait)
+
+
+SKY = """
+format = 2
+title = "a sky"
+seconds = "1min"
+
+[world]
+width = "1km"
+height = "1km"
+
+[robots]
+like = "copter"
+starts = [{ x = "500m", y = "500m", z = "8m" }]
+"""
+
+
+class TestFlyingContract(RobotContract):
+    @pytest.fixture
+    def rig(self) -> Rig:
+        clock = ManualClock(50.0)
+        body = SingleRobot(Simulator(read_scenario(SKY)), clock)
 
         def wait(seconds: float) -> None:
             for _ in range(round(seconds / 0.1)):

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from sleepcast.core.model import Quantity
 from sleepcast.robot import Limits
+from sleepcast.robot.hovering import FASTEST_CLIMB
 from sleepcast.simulator.motion import flying
 from sleepcast.simulator.motion.driving import DRIVE, GOTO, bounded
 from sleepcast.simulator.motion.flying import GRAVITY, FlightLaws
@@ -190,7 +191,8 @@ class Flight:
         wanted = np.where(there, flying.raised(laws, np.where(there, target, 0.0) - self.z[rows]), wanted)
         wanted = np.where(target == LANDS, -laws.sink, wanted)
         rate = flying.lifted(laws, self.climb_rate[rows], np.where(moves, wanted, 0.0))
-        return np.where(up, rate, np.where(falls, self.climb_rate[rows] - GRAVITY * laws.tick, 0.0))
+        falling = np.maximum(self.climb_rate[rows] - GRAVITY * laws.tick, -FASTEST_CLIMB)
+        return np.where(up, rate, np.where(falls, falling, 0.0))
 
     def _come_down_empty(self) -> None:
         """Let those land that have used up what they fly with."""
@@ -212,7 +214,8 @@ class Flight:
     def _measure(self, turn_rate: Floats) -> None:
         bodies, rows = self._bodies, self._rows
         ahead, _ = rotated(self.velocity_x[rows], self.velocity_y[rows], *sine_cosine(-bodies.heading[rows]))
-        bodies.speed[rows], self.turn_rate[rows] = ahead, turn_rate
+        most = self._laws.speed
+        bodies.speed[rows], self.turn_rate[rows] = bounded(ahead, -most, most), turn_rate
         self.height[rows] = self.z[rows] - GROUND
         self.flying[rows] = (self.height[rows] > 0.0) & (self.armed[rows] > 0.0)
 

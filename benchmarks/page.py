@@ -1,25 +1,30 @@
 """Prints how the operator's page holds up in Chromium without a graphics card, and the bars beside it.
 
-    python -m benchmarks.page [--quick] [--json]
+    python -m benchmarks.page [--quick] [--json] [--only-space]
 
 Frames a second with every pane open, for 1,000, 10,000 and 100,000 robots of `bravo` (with the table in the drawer, and
 with the plots; the slower of the two counts); how evenly the table of 100,000 scrolls; the bytes that a page is sent
 while time runs and no robot moves; the time from the STOP key to the first picture in which every robot is stopped,
 while the table of 100,000 is sorted time and again; the time from a move of the pointer, which drags a number in the
 prompt, to the picture with the new count of 10,000 robots; and what memory the page and the program gain in eight
-simulated hours; and what a frame spends on the names of 1,000 robots. A frame counts when the page says that it has
-drawn it.
+simulated hours; what a frame spends on the names of 1,000 robots; and frames a second of the view in three dimensions
+beside the map, 1280 x 720 pixels, while a recording of copters is replayed: the median of 300. A frame counts when the
+page says that it has drawn it.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
+import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import monotonic, sleep
 from typing import TYPE_CHECKING
 
@@ -31,6 +36,48 @@ if TYPE_CHECKING:
 
 FRAMES = {1_000: 30.0, 10_000: 30.0, 100_000: 10.0}
 """Frames a second at least, by number of robots."""
+FLYING = {1_000: 30.0, 10_000: 10.0}
+"""The same of the view in three dimensions, by number of copters."""
+FLIGHTS, QUICK_FLIGHTS = 300, 20
+"""Frames of it."""
+COPTERS = """
+format = 1
+title = "Copters in the air"
+seconds = "10s"
+tick = "0.1s"
+seed = 7
+mission = "fly.sleep"
+
+[world]
+width = "{side}m"
+height = "{side}m"
+
+[robots]
+like = "copter"
+count = {count}
+z = ["1m", "25m"]
+"""
+FLY = "@0s (PROGN (SETQ drive_speed 3m/s) (SETQ drive_turn 20deg/s) (SETQ drive_climb (GAUSS 0m/s 0.3m/s)))"
+"""Each goes in circles, up or down."""
+EACH = 100.0
+"""m2 of ground for each."""
+ROOM = "{ position: 'fixed', inset: '0 auto auto 0', width: '1281px', height: '720px', zIndex: 9 }"
+"""Where the view is while it is measured, with its border."""
+TIMED = """
+  window.__times = [];
+  const send = WebSocket.prototype.send;
+  WebSocket.prototype.send = function (text) {
+    if (text.includes('"drawn"')) window.__times.push(performance.now());
+    send.call(this, text);
+  };
+"""
+AGAIN = """
+  (frames) => {
+    if (document.getElementById("run").dataset.running === "false") document.getElementById("run").click();
+    return window.__times.length > frames;
+  }
+"""
+"""Whether there were so many frames; at its end the recording begins anew."""
 REST = 60.0
 """kB a second at most, to a page whose robots stand."""
 STOP = 100.0
@@ -282,6 +329,64 @@ def names(seconds: float) -> Found:
     )
 
 
+def flying(count: int, frames: int) -> Found:
+    """How often the view in three dimensions shows so many copters anew beside the map, and what that takes."""
+    with TemporaryDirectory() as folder, replayed(Path(folder), count) as page:
+        work = worked(page)
+        begun, drawing = work(), processor_of("gpu-process")
+        page.evaluate("window.__times.length = 0")
+        page.wait_for_function(AGAIN, arg=frames)
+        costs = [1000.0 * (now - before) for now, before in ((work(), begun), (processor_of("gpu-process"), drawing))]
+        times = page.evaluate("window.__times")
+    gaps = [after - before for before, after in pairwise(times)]
+    detail = ", ".join(
+        f"{number(cost / len(gaps))} ms of the processor {what}"
+        for cost, what in zip(costs, ("for the page", "for drawing"), strict=True)
+    )
+    bar = Bar(f"{count:,} copters in three dimensions", 1000.0 / middle(gaps), FLYING[count], "frames/s")
+    return Found(bar, f"{detail}, a frame")
+
+
+@contextmanager
+def replayed(folder: Path, count: int) -> Iterator[Page]:
+    """A page that replays so many copters, forty new pictures a second, with the view open and at its size."""
+    from playwright.sync_api import sync_playwright
+
+    (folder / "scenario.toml").write_text(COPTERS.format(count=count, side=round((EACH * count) ** 0.5)))
+    (folder / "fly.sleep").write_text(FLY)
+    file = folder / "run.mcap"
+    record = ("run", folder, "--quiet", "--record", file, "--record-pictures", "0.1s")
+    subprocess.run([sys.executable, "-m", "sleepcast", *record], check=True, stdout=subprocess.DEVNULL)
+    with Program("replay", file, "--speed", "4") as program, sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium(), args=QUIET)
+        page = browser.new_page(viewport={"width": 1440, "height": 900}, color_scheme="light")
+        page.set_default_timeout(1000 * PATIENCE)
+        page.add_init_script(TIMED)
+        page.goto(program.address)
+        page.wait_for_function("() => window.__times.length > 0")
+        page.locator("#space").click()
+        page.evaluate(f"() => Object.assign(document.querySelector('.space').style, {ROOM})")
+        page.wait_for_function("() => document.getElementById('space-over').width === 1280")
+        page.wait_for_function(AGAIN, arg=10)
+        yield page
+        browser.close()
+
+
+def processor_of(kind: str) -> float:
+    """Seconds of the processor that processes of Chromium of this kind have used, of those that this one has begun."""
+    parents, used, kinds = {}, {}, {}
+    for process in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):  # it has ended meanwhile
+            fields = (process / "stat").read_text().rpartition(")")[2].split()
+            parents[process.name], used[process.name] = fields[1], int(fields[11]) + int(fields[12])
+            kinds[process.name] = f"--type={kind}" in (process / "cmdline").read_text()
+
+    def is_ours(process: str | None) -> bool:
+        return process == str(os.getpid()) or (process is not None and is_ours(parents.get(process)))
+
+    return sum(used[each] for each, it in kinds.items() if it and is_ours(each)) / os.sysconf("SC_CLK_TCK")
+
+
 def long_run(hours: float) -> list[Found]:
     """What memory grows in so many simulated hours, as fast as they pass, with the plots open and a command an hour."""
     first: tuple[float, float] | None = None
@@ -331,8 +436,12 @@ def memory(program: Program, page: Page) -> tuple[float, float]:
     return metrics["JSHeapUsedSize"] / 1e6, float(resident) / 1e3
 
 
-def measure(*, quick: bool) -> Iterator[Found]:
-    """Everything, one after the other."""
+def measure(*, quick: bool, space: bool) -> Iterator[Found]:
+    """Everything, one after the other. space: only the view in three dimensions."""
+    for robots in [1_000] if quick else FLYING:
+        yield flying(robots, QUICK_FLIGHTS if quick else FLIGHTS)
+    if space:
+        return
     seconds = QUICK_SECONDS if quick else SECONDS
     for robots in [1_000] if quick else FRAMES:
         yield frames(robots, seconds)
@@ -359,11 +468,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.page", description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--quick", action="store_true", help="few robots, short: to see that it works")
     parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")
+    parser.add_argument("--only-space", action="store_true", help="only the view in three dimensions")
     options = parser.parse_args()
     if chromium() is None:
         sys.exit("no Chromium, or playwright is not installed")
     about, found = machine(), []
-    for each in measure(quick=options.quick):
+    for each in measure(quick=options.quick, space=options.only_space):
         print(each.bar.text, file=sys.stderr, flush=True)
         found.append(each)
     if options.json:

@@ -7,16 +7,34 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator
+from io import BytesIO
 from typing import Any
 
 import pytest
+from PIL import Image
 from playwright.sync_api import BrowserContext, Page, expect
 
+from console.conftest import COMMANDS
 from console.running import PATIENCE, Program
-from console.test_page import opened, pixels_seen, until
+from console.test_page import opened, pixels, pixels_seen, until
 from sleepcast.console.page_parts import STATIC
+from small_worlds import write
 
 browser = pytest.mark.browser
+COPTERS = """
+format = 1
+title = "Copters over a yard"
+seconds = "1min"
+tick = "0.1s"
+
+[world]
+width = "60m"
+height = "40m"
+
+[robots]
+like = "copter"
+starts = [["10m", "20m", "0deg"], { x = "31m", y = "20m", z = "10m" }, { x = "50m", y = "20m", z = "20m" }]
+"""
 
 expect.set_options(timeout=1000 * PATIENCE)
 
@@ -25,6 +43,21 @@ expect.set_options(timeout=1000 * PATIENCE)
 def rovers(program: Program, context: BrowserContext) -> Iterator[Page]:
     """The small world's page."""
     yield from opened(program, context)
+
+
+@pytest.fixture(scope="module")
+def yard(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
+    """Three copters: on the ground, at 10 m and at 20 m."""
+    folder = tmp_path_factory.mktemp("yard")
+    write(folder, more=COMMANDS, text=COPTERS)
+    with Program("run", folder, "--page") as started:
+        yield started
+
+
+@pytest.fixture
+def copters(yard: Program, context: BrowserContext) -> Iterator[Page]:
+    """The page of those."""
+    yield from opened(yard, context)
 
 
 def ring(page: Page) -> tuple[float, float]:
@@ -92,6 +125,42 @@ def test_a_browser_without_webgl_says_so_and_keeps_the_map(program: Program, con
         expect(page.locator("#refused-text")).to_contain_text("WebGL")
         expect(page.locator(".space")).to_be_hidden()
         expect(page.locator("#space")).to_have_attribute("aria-pressed", "false")
+
+
+@browser
+def test_shades_and_labels_tell_how_high_robots_are(copters: Page) -> None:
+    page = copters
+    expect(page.locator("#height-scale")).to_have_text("up to 20 m high")
+    highest, middle = (pixels_seen(page, f"--field-{shade}", least=50) for shade in (4, 2))
+    assert min(x for x, _ in highest) > max(x for x, _ in middle) + 20.0, "the right one is the highest"
+    page.locator("#map").focus()
+    page.keyboard.press("ArrowDown")  # the one nearest to the middle of the map
+    expect(page.locator("#heard")).to_contain_text("10 m up")
+    page.locator("#layers").click()
+    page.get_by_role("checkbox", name="Height").uncheck()
+    expect(page.locator("#height-scale")).to_be_hidden()
+    until(page, lambda: not pixels(page, "--field-4"))
+
+
+@browser
+def test_ground_and_sky_are_those_of_the_map_and_a_line_leads_down(copters: Page) -> None:
+    page = copters
+    page.locator("#map").focus()
+    page.keyboard.press("ArrowDown")
+    page.locator("#space").click()
+    x, y = ring(page)
+    drop = [py for px, py in pixels(page, "--chosen", "space-over") if abs(px - x) < 3.0]
+    assert max(drop) > y + 20.0, "a line leads down to the ground"
+    for area, sky in (("#f8fafb", "#e6ebf0"), ("#101820", "#0a0f14")):  # light, dark
+        until(page, lambda wanted={area, sky}: wanted <= colours_of(page))
+        page.locator("#theme").click()
+
+
+def colours_of(page: Page) -> set[str]:
+    """The colours that fill much of the view."""
+    with Image.open(BytesIO(page.locator(".space-map").screenshot())) as image:
+        counts = image.convert("RGB").getcolors(image.width * image.height)
+    return {f"#{bytes(colour).hex()}" for count, colour in counts if count > 1000}
 
 
 def calculated(page: Page, module: str, script: str) -> Any:

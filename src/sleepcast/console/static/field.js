@@ -192,11 +192,16 @@ function arrow(pen, x, y, angle, length) {
 
 // The colour of each of 256 steps of the scale, as a number in the order of an image's bytes.
 function ramp(colours) {
-  const ends = colours.map((colour) => [1, 3, 5].map((at) => Number.parseInt(colour.slice(at, at + 2), 16)));
   return Uint32Array.from({ length: 256 }, (_, step) => {
-    const place = (step / 255) * (STEPS - 1);
-    const first = Math.min(STEPS - 2, Math.floor(place));
-    const [red, green, blue] = ends[first].map((value, part) => Math.round(value + (place - first) * (ends[first + 1][part] - value)));
+    const [red, green, blue] = between(colours, step / 255);
     return (255 << 24) | (blue << 16) | (green << 8) | red;
   });
+}
+
+// The colour of a scale (its steps as #rrggbb) at a place from 0 to 1: red, green and blue, of 255.
+export function between(colours, part) {
+  const place = part * (STEPS - 1);
+  const first = Math.min(STEPS - 2, Math.floor(place));
+  const [from, to] = [colours[first], colours[first + 1]].map((colour) => [1, 3, 5].map((at) => Number.parseInt(colour.slice(at, at + 2), 16)));
+  return from.map((value, channel) => Math.round(value + (place - first) * (to[channel] - value)));
 }

@@ -8,6 +8,7 @@ const KEY = "layers";
 export const SWARM_LAYERS = [
   { name: "trails", title: "Trails", key: "T", on: true },
   { name: "names", title: "Names", on: true },
+  { name: "height", title: "Height", on: true, hint: "How high robots fly: a disc behind each, and the scale of its shades" },
   { name: "picture", title: "Picture under the map", on: true, hint: "That of the scenario's map, or one that you choose" },
   { name: "field", title: "Field", on: true, hint: "What fills the world, such as a scent, with its scale" },
   { name: "pings", title: "Pings", on: true },

@@ -8,7 +8,6 @@ const SHADOWS = 2000; // robots; more have none, and only a few triangles each
 const ALL_FORMS = 300; // robots that have all of their form however small they are,
 const SEEN = 7; // pixels: half the length at which others have it
 const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i; // what draws where there is no graphics card
-const SHADOW = 0.28; // opacity
 const ABOVE = 0.002; // of the distance to the eye: what lies on the ground is drawn so far above it
 const LAID = {
   vertexShader: "varying vec2 at; void main() { at = uv; gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0); }",
@@ -27,7 +26,7 @@ export class Solids {
     this.camera.up.set(0, 0, 1);
     this.paint = new three.MeshBasicMaterial({ vertexColors: true, side: three.DoubleSide });
     this.closed = new three.MeshBasicMaterial({ vertexColors: true }); // for forms that have no seen inner side
-    this.dark = new three.MeshBasicMaterial({ color: 0, transparent: true, opacity: SHADOW, depthWrite: false });
+    this.dark = new three.MeshBasicMaterial({ color: 0, transparent: true, depthWrite: false });
     this.lines = new three.LineBasicMaterial({ vertexColors: true, transparent: true, depthWrite: false });
     this.ground = this.walls = this.bodies = this.shadows = this.trails = null;
     this.herds = null; // what moves these bodies and shadows: {bodies, shadows}
@@ -86,6 +85,11 @@ export class Solids {
     const points = (outline) => outline.map(([x, y]) => new Vector2(x, y));
     const form = prisms(obstacles, high, (contour, holes) => ShapeUtils.triangulateShape(points(contour), holes.map(points)));
     this.put("walls", form.corners.length ? new Mesh(this.geometry(form, new Color(colour).toArray()), this.paint) : null);
+  }
+
+  // opacity: of 1; on dark ground a shadow has to be darker to be seen.
+  setShadow(opacity) {
+    this.dark.opacity = opacity;
   }
 
   // ---- what moves

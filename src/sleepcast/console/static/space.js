@@ -20,7 +20,7 @@ import { View } from "./view.js";
 const LIBRARY = "./vendor/three/three.module.min.js";
 const KEY = "space";
 const SHEET = 2048; // pixels of the longer side of the ground
-const SMALLEST = 4; // pixels: half a robot's length at least
+const SMALLEST = 5; // pixels: half a robot's length at least
 const WALL_RADII = 4; // radii of the largest body that walls are high where nothing says how high they are,
 const WALL_SHARE = 0.004; // and at least this part of the world's longer side
 const DIMMED = 0.45; // of the colour of robots outside the lit ones
@@ -190,6 +190,7 @@ export class Space {
     Object.assign(drawn, { obstacles: scene.obstacles, colours });
     const [left, bottom, right, top] = scene.area;
     const largest = Math.max(...scene.sizes.map(([, radius]) => radius));
+    solids.setShadow(dark(colours.area) ? 0.65 : 0.28);
     const high = Math.max(WALL_RADII * largest, WALL_SHARE * Math.max(right - left, top - bottom));
     solids.setWalls(scene.obstacles, high, colours.obstacle);
   }
@@ -350,6 +351,8 @@ export class Space {
 
 // A colour of the page (#rrggbb) as red, green and blue of 1.
 const parts = (colour) => [1, 3, 5].map((at) => Number.parseInt(colour.slice(at, at + 2), 16) / 255);
+
+const dark = (colour) => parts(colour).reduce((sum, part) => sum + part) < 1.5;
 
 // The radius of each robot, m. before: as they were last, which may still hold.
 function radiiOf(sizes, count, before) {

@@ -1,0 +1,64 @@
+// How high robots fly, as a layer of the map: a disc behind each, the darker the higher (on a dark page the brighter), and the
+// scale of these shades. There is none where nobody flies.
+
+import { write } from "./elements.js";
+import { between } from "./field.js";
+import { few, MAX_SHAPES } from "./swarm.js";
+import { heightText, roundBelow } from "./view.js";
+
+const SHADES = 12;
+const WIDER = 5; // pixels by which a disc is wider than its robot
+
+export class HeightLayer {
+  // scale: the element that says what the shades mean.
+  constructor(world, scale) {
+    this.world = world;
+    this.scale = scale;
+    this.most = 0; // m: the darkest shade; it only grows, so that shades keep their meaning
+    this.stamps = new Map(); // discs by shade and size
+    world.tools.push(this);
+  }
+
+  drawBehind(pen) {
+    const { view, frame, sizes } = this.world;
+    const { heights, poses, count } = frame;
+    const shown = heights !== null && this.world.shows("height") && few(view, frame, MAX_SHAPES);
+    if (shown) this.grow(heights);
+    this.scale.hidden = !shown || this.most === 0;
+    if (this.scale.hidden) return;
+    for (let i = 0; i < count; i += 1) {
+      if (!(heights[i] > 0)) continue;
+      const stamp = this.stamp(Math.ceil(SHADES * Math.min(1, heights[i] / this.most)), Math.round(sizes(i)) + WIDER);
+      pen.drawImage(stamp, view.toScreenX(poses[3 * i]) - stamp.width / 4, view.toScreenY(poses[3 * i + 1]) - stamp.height / 4, stamp.width / 2, stamp.height / 2);
+    }
+  }
+
+  // Let the scale end at a round number above all heights.
+  grow(heights) {
+    if (this.scene !== this.world.scene.title) this.most = 0;
+    this.scene = this.world.scene.title;
+    const top = heights.reduce((most, z) => Math.max(most, z), this.most);
+    if (top <= this.most) return;
+    const step = roundBelow(top) / 2;
+    this.most = Math.ceil(top / step) * step;
+    const { unit } = this.world.scene;
+    write(this.scale.querySelector(".text"), `up to ${heightText(this.most, unit)} high`);
+  }
+
+  // The disc of a shade from 1 to SHADES, at twice its size.
+  stamp(shade, radius) {
+    const { field } = this.world.colours;
+    if (this.colours !== field) this.stamps.clear();
+    this.colours = field;
+    const key = shade * 1000 + radius;
+    if (!this.stamps.has(key)) {
+      const sheet = new OffscreenCanvas(4 * radius, 4 * radius);
+      const pen = sheet.getContext("2d");
+      pen.fillStyle = `rgb(${between(field, shade / SHADES).join()})`;
+      pen.arc(2 * radius, 2 * radius, 2 * radius, 0, 2 * Math.PI);
+      pen.fill();
+      this.stamps.set(key, sheet);
+    }
+    return this.stamps.get(key);
+  }
+}

@@ -22,6 +22,7 @@ import go
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+FAMILIES = go.families()
 NODE_MODULES = Path(sys.prefix) / "node_modules"
 ROS = os.environ.get("SLEEPCAST_RCLPY")
 COMMANDS = {"inkscape": "plans", "libreoffice": "plans", "node": "", "pdftocairo": "plans"}
@@ -35,7 +36,7 @@ MARK = re.compile(r"mark\.counterpart\(([^)]*)\)")
 @cache
 def members(family: str) -> dict[str, bool]:
     """The counterparts of a family, and whether each can be had for this computer and Python."""
-    lines = map(Requirement, go.families()[family])
+    lines = map(Requirement, FAMILIES[family])
     found = {canonicalize_name(line.name): line.marker is None or line.marker.evaluate() for line in lines}
     found |= dict.fromkeys(go.npm_families().get(family, ()), True)
     if family == "ros2":
@@ -51,7 +52,7 @@ def belongs(names: set[str], family: str) -> bool:
 
 def family_of(names: set[str]) -> str:
     """Where all of them are; empty if nowhere."""
-    return next((family for family in go.families() if belongs(names, family)), "")
+    return next((family for family in FAMILIES if belongs(names, family)), "")
 
 
 @cache

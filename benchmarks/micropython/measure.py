@@ -87,14 +87,14 @@ class Desk:
         signature = ed25519.finished(ed25519.sign(self.secret, self.public, signed(said)))
         robot.radio.datagram = sealed(key_id(self.public), said, signature)
         said = signature = None
-        answers = len(robot._answered), robot._answered[-1:]
+        answers = len(robot.answered), robot.answered[-1:]
         for _ in range(5000):
             try:
                 robot.step()
             except MemoryError:
                 return False
-            if not robot.out and not robot._signing and answers != (len(robot._answered), robot._answered[-1:]):
-                return b"gmatched" in robot._answered[-1]
+            if not robot.out and not robot._signing and answers != (len(robot.answered), robot.answered[-1:]):
+                return b"gmatched" in robot.answered[-1]
             robot.next = 0  # the next tick at once
         return False
 

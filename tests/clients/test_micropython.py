@@ -121,6 +121,12 @@ def test_a_priority_is_refused_in_a_sentence(robot: board.Talk) -> None:
     assert evaluate(robot, "(RULE a 1)").value == 1.0
 
 
+def test_it_refuses_to_call_an_auction_in_a_sentence(robot: board.Talk) -> None:
+    fresh(robot)
+    for text in ("(TELL (BEST 4 1 TRUE (MARK)))", "(RULE call (TELL (WHEN TRUE (QUORUM 1 2 TRUE (MARK)))))"):
+        assert "it collects no bids" in evaluate(robot, text).refused, text
+
+
 @pytest.mark.parametrize(
     "text",
     [
@@ -129,11 +135,9 @@ def test_a_priority_is_refused_in_a_sentence(robot: board.Talk) -> None:
         "(SUM-OVER (n 5m) (OF n x))",
         "(BEST-OVER (n 5m 1) (OF n distance))",
         "(FOR-NEIGHBOURS (n 5m) (MARK))",
-        "(BEST 1 1 TRUE (MARK))",
-        "(QUORUM 1 2 TRUE (MARK))",
     ],
 )
-def test_neighbours_and_choosing_are_a_fault_with_a_sentence(robot: board.Talk, text: str) -> None:
+def test_neighbours_are_a_fault_with_a_sentence(robot: board.Talk, text: str) -> None:
     fresh(robot)
     outcome = evaluate(robot, text)
     assert math.isnan(outcome.value)

@@ -22,13 +22,14 @@ from clients import board
 from durable_cases import Do, try_all
 from processes import live_in
 from sleepcast.channel.admission import Admission
-from sleepcast.channel.envelope import encode, look, read_message, read_piece
+from sleepcast.channel.envelope import Fragment, encode, look, read_message, read_piece
 from sleepcast.channel.keyring import key_file, keys_folder, load_key, save_key, save_trust
 from sleepcast.channel.keys import KeyChange, KeyPair, Role, Trust
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.channel.transports.udp import UdpTransport
 from sleepcast.core.clock import UnixClock
+from sleepcast.mind.auction import BidMessage, BidPhase, GrantMessage
 
 ORDINARY = ["r1", "r2", "r3"]
 ALL = [*ORDINARY, "tiny"]
@@ -110,6 +111,8 @@ class Desk:
 
     def __init__(self, uri: str) -> None:
         self._air, self._key, self._number = UdpTransport(uri), load_key(key_file(keys_folder(), "desk")), 0
+        self.bids: list[BidMessage] = []
+        """What the small robot has said of its bids."""
 
     def __enter__(self) -> Desk:
         return self
@@ -140,6 +143,35 @@ class Desk:
                         return body
             time.sleep(0.002)
         raise AssertionError(f"no answer to {text or kind}")
+
+    def choose(self, text: str, *, seconds: float = 0.0, others: tuple[str, ...] = ()) -> dict[str, object]:
+        """The answer to a BEST or QUORUM whose caller chooses the small robot as soon as it bids, and keeps it for so
+        long; or chooses these others instead."""
+        message, found = self._message(text, Kind.COMMAND), dict[str, object]()
+        late, again, ends = time.monotonic() + PATIENT, 0.0, None
+        while time.monotonic() < late and not (ends is not None and time.monotonic() > ends):
+            if time.monotonic() > again and not found:
+                self._send(message)
+                again = time.monotonic() + 1.0
+            for part, body in self._heard():
+                bid = BidMessage.of(body) if part.kind is Kind.REQUEST else None
+                if bid is not None and (bid.caller, bid.number) == ("desk", message.sequence):
+                    self.bids.append(bid)
+                    granted = dict.fromkeys(others, 0) or {"tiny": bid.beat}
+                    grants = GrantMessage(message.sequence, not others, granted, ((bid.cost, "tiny"),))
+                    self._send(replace(self._message("", Kind.REQUEST), body=grants.body()))
+                if part.kind is Kind.ANSWER and body["command"] == message.id:
+                    found = body
+                    ends = ends or time.monotonic() + seconds
+            time.sleep(0.002)
+        return found
+
+    def _heard(self) -> Iterator[tuple[Fragment, dict[str, Any]]]:
+        for datagram in self._air.receive():
+            part = look(datagram)
+            piece = read_piece(part)
+            if piece.sender == "tiny":
+                yield part, read_message(part, piece.sender, piece.content).body
 
     def send_old(self, text: str, number: int = 0) -> None:
         """Send a standing command of an hour ago. number: that it has, 0 for the next."""
@@ -199,6 +231,19 @@ def test_sixty_rules_fit_into_a_whole_node_and_it_goes_on_obeying(folder: Path, 
         assert desk.ask("", Kind.STOP)["outcome"] == "stopped"
         assert desk.ask("", Kind.RELEASE)["outcome"] == "released"
         assert desk.ask("(WHEN (> fuel 50%) (DRIVE 0.3m/s 0))")["outcome"] == "matched"
+
+
+def test_beside_forty_rules_it_waits_bids_and_obeys(folder: Path, channel: str, tmp_path: Path) -> None:
+    alone = f"udp://239.255.83.79:{free_port()}?interface=lo"
+    with tiny(folder, alone, tmp_path), Desk(alone) as desk:
+        assert desk.ask("(SETQ lamp 0)")["outcome"] == "matched"
+        for number in range(40):
+            assert desk.ask(RULE.format(number), standing=True)["outcome"] == "matched", number
+        assert desk.ask("(AFTER-ISSUE 600s (SETQ lamp 1))").get("waiting") is True
+        found = desk.choose("(BEST 1 1 TRUE (PROGN (JOIN red) (RULE shine (SETQ lamp 1))) :lease 3s)", seconds=1.0)
+        assert (found["outcome"], found["fault"]) == ("matched", None)
+        until(lambda: desk.ask("(OR (IN red) (KNOWN shine))", Kind.ASK)["value"] == 0.0)  # its lease has ended
+        assert desk.ask("(WHEN TRUE (CANCEL))")["value"] == 1.0
 
 
 def test_rules_that_may_have_been_replaced_do_nothing(folder: Path, channel: str, tmp_path: Path) -> None:
@@ -319,6 +364,15 @@ class TestOneOfTheSwarm:
             return (sorted(sent["matched"]), sent["bound"] > 0.0) == (["r3", "tiny"], True)
 
         until(all_obey)
+
+    def test_it_is_one_of_the_bidders_and_leaves_when_the_desk_is_gone(self, joined: str) -> None:
+        def are_chosen() -> bool:
+            sent = account(joined, "send", "(BEST 2 (ABS (- id 8)) (> id 1) (JOIN chosen))")
+            assert len(sent["matched"]) <= 2
+            return (sorted(sent["matched"]), sent["not_matched"]) == (["r3", "tiny"], ["r1", "r2"])
+
+        until(are_chosen)
+        until(lambda: value(joined, "(IN chosen)") == 0.0)
 
     def test_it_comes_to_rest_when_its_operator_is_gone_for_longer_than_the_lease(self, joined: str) -> None:
         until(lambda: decided(joined, "(WHEN (= id 9) (DRIVE 0.3m/s 0))")[0] == ["tiny"])
@@ -541,3 +595,60 @@ def test_what_waits_outlasts_a_restart(folder: Path, channel: str, tmp_path: Pat
             assert "not done" in desk.second(over)["fault"]
             assert desk.do("(CANCEL)")["value"] == 1.0
             assert desk.second(ahead)["fault"] == "CANCEL has discarded it before its instant"
+
+
+# ---- bids
+
+
+@pytest.fixture
+def bidder(folder: Path, channel: str, tmp_path: Path) -> Iterator[Desk]:
+    """A desk alone with a small robot."""
+    uri = f"udp://239.255.83.79:{free_port()}?interface=lo"
+    with tiny(folder, uri, tmp_path), Desk(uri) as desk:
+        assert desk.ask("(SETQ lamp 0)")["outcome"] == "matched"
+        yield desk
+
+
+def is_in(desk: Desk, group: str) -> bool:
+    return desk.ask(f"(IN {group})", Kind.ASK)["value"] == 1.0
+
+
+def test_a_member_stays_while_it_is_renewed_and_no_longer(bidder: Desk) -> None:
+    found = bidder.choose("(BEST 1 (* 2 id) (> fuel 50%) (JOIN red) :lease 1s)", seconds=3.0)
+    assert (found["outcome"], found["fault"]) == ("matched", None)
+    assert {bid.cost for bid in bidder.bids} == {18.0}
+    beats = [bid.beat for bid in bidder.bids]
+    assert beats == sorted({*beats})
+    assert bidder.bids[-1].phase is BidPhase.MEMBER
+    until(lambda: not is_in(bidder, "red"))
+
+
+def test_who_is_not_chosen_says_who_was_and_who_cannot_bid_says_why(bidder: Desk) -> None:
+    found = bidder.choose("(BEST 1 id TRUE (JOIN red))", others=("r1",))
+    assert (found["outcome"], found["outbid"]) == ("not matched", ["r1"])
+    unsure = bidder.choose("(BEST 1 UNKNOWN TRUE (JOIN red))")
+    assert (unsure["outcome"], unsure.get("unknown")) == ("not matched", True)
+    assert bidder.choose("(QUORUM 1 1 (< fuel 50%) (JOIN red))")["outcome"] == "not matched"
+    assert not is_in(bidder, "red")
+
+
+def test_what_a_member_was_before_stays(bidder: Desk) -> None:
+    assert bidder.ask("(PROGN (JOIN red) (RULE shine 1))")["outcome"] == "matched"
+    text = "(QUORUM 1 1 TRUE (PROGN (JOIN red) (JOIN blue) (RULE shine 2) (RULE glow 3)) :lease 1s)"
+    assert bidder.choose(text)["outcome"] == "matched"
+    assert bidder.ask("(RULE glow 4)")["outcome"] == "matched"
+    until(lambda: not is_in(bidder, "blue"))
+    assert is_in(bidder, "red")
+    assert bidder.ask("glow", Kind.ASK)["value"] == 4.0, "another command has changed it"
+
+
+def test_stop_and_cancel_end_what_it_is_by_a_bid(bidder: Desk) -> None:
+    assert bidder.choose("(BEST 1 1 TRUE (JOIN red) :lease 60s)")["outcome"] == "matched"
+    assert bidder.ask("(WHEN TRUE (CANCEL))")["value"] == 1.0
+    until(lambda: not is_in(bidder, "red"))
+    assert bidder.choose("(BEST 1 1 TRUE (JOIN blue) :lease 60s)")["outcome"] == "matched"
+    assert bidder.ask("", Kind.STOP)["outcome"] == "stopped"
+    until(lambda: not is_in(bidder, "blue"))
+    assert bidder.choose("(BEST 1 1 TRUE (JOIN blue))")["fault"] == "it is held still, so it does not bid"
+    assert bidder.ask("", Kind.RELEASE)["outcome"] == "released"
+    assert not is_in(bidder, "blue")

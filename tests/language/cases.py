@@ -44,7 +44,7 @@ from sleepcast.node.node import Node
 FOLDER = Path(__file__).parent.parent / "cases"
 OTHER_DIALECTS = {"classic", "faithful", "appendix-a"}
 NOT_BOARDS = ":not boards"
-"""Stands before the first case of a file whose forms small computers do not have."""
+"""Stands before the first block of a file, or in a block, whose forms small computers do not have."""
 NEARLY = 1e-9
 """How far a value written `~2.5` may be off, as a part of it."""
 
@@ -462,7 +462,9 @@ def read_blocks(path: Path) -> list[Block]:
     found: list[Block] = []
     boards = True
     for where, line in logical_lines(path):
-        if line == NOT_BOARDS and not found:
+        if line == NOT_BOARDS and found:
+            found[-1].boards = False
+        elif line == NOT_BOARDS:
             boards = False
         elif line.startswith("--- "):
             found.append(Block(f"{path.stem}: {line[4:]}", boards))

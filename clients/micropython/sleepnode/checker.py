@@ -35,16 +35,20 @@ _VARIABLE = const(0)
 _CONSTANT = const(1)
 _LESS = const(3)
 _PURE = const(9)
+_WRITE = const(10)
 _JUMP = const(11)
 _POP = const(12)
 _NUMBER = const(13)
 _LOCAL = const(14)
 _RETURN = const(15)
+_FLAG = const(35)
 _UNKNOWN = const(36)
+_IN = const(39)
 _ENTER = const(49)
 _CALL = const(50)
 _OPERATOR = const(51)
 _HOST = const(52)
+_DEFINED = const(53)
 
 # Refusals, by their places in `sentences.py`.
 _LABEL_REFUSED = const(16)
@@ -67,6 +71,7 @@ _MAX_LOCALS = const(1000)
 _BINARY = const(("<", ">", "+", "-", "*"))
 """Functions of two numbers that the machine knows without calling them."""
 
+
 GROUP = "group"
 """What is learned of a group."""
 
@@ -88,6 +93,11 @@ def buffer_number(key):
     return None
 
 
+def through(way):
+    """How a stored expression comes back to itself: its way without the last."""
+    return " through " + ", ".join([key.upper() for key in way[:-1]]) if len(way) > 1 else ""
+
+
 class Checker:
     """One pass over one text. mind: the robot's names. outer: the checker of the text that stores this one."""
 
@@ -102,9 +112,11 @@ class Checker:
         self.deciding = None
         self.rules, self.moves = False, []
         """Whether the text changes rules, and the keys of groups that it makes robots join or leave."""
-        self.tested, self.is_stored = False, outer is not None
-        self.whole = None
-        """What a whole command asks for, such as the seconds of AFTER-ISSUE (`oneshot.py`)."""
+        self.tested = self.acts = False
+        """acts: whether what was written does more than look."""
+        self.plan = False if outer else None
+        """Of a whole command what `oneshot.py` says of it; False for what is stored. One attribute more, an eighteenth,
+        would need a larger piece of memory."""
         self.count = outer.count if outer else [0]
         """Forms checked so far, stored ones included."""
         self.pending = outer.pending if outer else {}
@@ -161,6 +173,8 @@ class Checker:
 
     def emit(self, op, number=0):
         """One more instruction."""
+        if op > _PURE and (op == _WRITE or op == _FLAG or (_IN != op < _ENTER and op > _UNKNOWN) or op > _DEFINED):
+            self.acts = True
         if len(self.code) > _MAX_BYTES:
             raise MemoryError
         size = 0 if not number else 1 if number < 256 else 2
@@ -412,17 +426,13 @@ class Checker:
                 raise Refused(_LABEL_REFUSED, form[0])
             label, rest = str(form[1], "utf-8"), form[2:]
         cost = self.parts(rest)
+        self.acts = self.acts or function.acts
         self.emit(_HOST, len(rest))
         self.thing(function, label)
         return 1 + cost
 
 
 _DECLARES = {"defvar": "variable", "rule": "rule", "defun": "operator", "area": "operator", "join": GROUP}
-
-
-def through(way):
-    """How a stored expression comes back to itself: its way without the last."""
-    return " through " + ", ".join([key.upper() for key in way[:-1]]) if len(way) > 1 else ""
 
 
 def deciding(c, form):

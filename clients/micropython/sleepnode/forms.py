@@ -1,5 +1,5 @@
 """How the checker writes each special form: a function of the checker and the form, whose number of arguments is right,
-that gives the cost. The others stand in `seldom.py` and `oneshot.py`."""
+that gives the cost. The others stand in `seldom.py` and `whole.py`."""
 
 from micropython import const
 
@@ -59,7 +59,7 @@ _CLAUSE_REFUSED = const(63)
 _PRIORITY_REFUSED = const(66)
 
 _SELDOM = const(("dotimes", "dice", "defun", "edge-dist", "area", "inside", "to-edge", "tell"))
-_ONESHOT = const(("after-issue", "cancel"))
+_ONESHOT = const(("after-issue", "cancel", "best", "quorum"))
 _FLAGS = {"sleep": 7, "wake": 6, "freeze": 5, "thaw": 4, "mark": 1, "unmark": 0}
 """Twice the slot of a flag, and its value."""
 
@@ -321,9 +321,9 @@ def write(c, form, key):
 
         return seldom(c, form, key)
     if key in _ONESHOT:
-        from sleepnode.oneshot import write as oneshot
+        from sleepnode.whole import write as whole
 
-        return oneshot(c, form, key)
+        return whole(c, form, key)
     if key == "progn":
         return 1 + c.row(form[1:])
     if key == "known":

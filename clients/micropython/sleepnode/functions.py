@@ -158,9 +158,9 @@ _ARGUMENTS = const(
     "unquote 1 rule 2-4 activate 1 deactivate 1 forget 1 lease 2 defun 3- join 1 leave 1 in 1 prob 1 dice 1- random 2 "
     "gauss 2 sleep 0 wake 0 freeze 0 thaw 0 mark 0 unmark 0 rollback 0 report 1- print 1- tell 1-3 ping 0-1 "
     "area 4-97 inside 1 to-edge 1 once 1- held 2 hysteresis 3 every 1- after 1- within 2 age 1 share 2-3 "
-    "after-issue 2 cancel 0 "
+    "after-issue 2 cancel 0 best 4-8 quorum 4-8 "
 )
-_WORDS = const(" area inside to-edge once held hysteresis every after within age share after-issue cancel ")
+_WORDS = const(" area inside to-edge once held hysteresis every after within age share after-issue cancel best quorum ")
 
 
 def _find(key):

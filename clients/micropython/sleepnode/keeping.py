@@ -3,8 +3,6 @@
 import json
 import os
 
-from sleepnode.latch import marks_in
-
 
 def keep(file, data):
     """Write a file as a whole: if the power fails, the one of before is there, or the new one beside it. Raises
@@ -40,3 +38,13 @@ def stops(file):
     except (ValueError, MemoryError):
         pass
     return [["?", 0, 0, ""]]  # a RELEASE that names it ends it: desks ask what holds
+
+
+def marks_in(said):
+    """The rows of STOPs in what a file or a message says."""
+    rows = said[:64] if isinstance(said, list) else []
+    return [
+        each
+        for each in rows
+        if isinstance(each, list) and len(each) >= 3 and isinstance(each[0], str) and isinstance(each[2], int)
+    ]

@@ -2,6 +2,7 @@
 
 from micropython import const
 
+from sleepnode.reader import unload
 from sleepnode.trust import make_room
 
 _MAX_MARKS = const(16)
@@ -21,34 +22,31 @@ class Latch:
     def stop(self, mark, body):
         """Whether to obey a STOP with this mark, [sender, epoch, number, key]: always, unless a RELEASE has ended
         it."""
-        mark = _first(mark, body)
+        mark = first(mark, body)
         if mark[0] == _FORGOTTEN:  # nobody has this name
             make_room("forget", self.holding, self.ended)
             return True
-        if any([_covers(each, mark) for each in self.ended]):
+        if any([covers(each, mark) for each in self.ended]):
             return False
-        _put(self.holding, mark, self.ended)
+        put(self.holding, mark, self.ended)
         return True
 
     def release(self, mark, body):
         """Take a RELEASE; whether no STOP holds any more."""
-        own = [_first(mark, body)] if mark[0] != _FORGOTTEN else []
-        ends = own + [each[:3] for each in marks_in(body.get("ends"))]
-        over = [each for each in self.holding if any([_covers(end, each) for end in ends])]
-        self.holding = [each for each in self.holding if each not in over]
-        for each in over + own:
-            _put(self.ended, each, None)
-        return not self.holding
+        try:
+            from sleepnode.releasing import release
 
-    def names(self):
-        return ", ".join(["%s-%d.%d" % tuple(each[:3]) for each in self.holding])
+            release(self, mark, body)
+        finally:
+            unload("keeping", "releasing")
+        return not self.holding
 
     def rows(self):
         """What holds, for others."""
         return [each[:3] for each in self.holding]
 
 
-def _first(mark, body):
+def first(mark, body):
     """The mark that counts: of the first copy, if this one is sent again."""
     first, begin = body.get("first"), "%s-%d." % (mark[0], mark[1])
     if isinstance(first, str) and first.startswith(begin) and first[len(begin) :].isdigit():
@@ -56,20 +54,11 @@ def _first(mark, body):
     return mark
 
 
-def marks_in(said):
-    rows = said[:64] if isinstance(said, list) else []
-    return [
-        each
-        for each in rows
-        if isinstance(each, list) and len(each) >= 3 and isinstance(each[0], str) and isinstance(each[2], int)
-    ]
-
-
-def _covers(mark, other):
+def covers(mark, other):
     return mark[:2] == other[:2] and mark[2] >= other[2]
 
 
-def _put(marks, mark, ended):
+def put(marks, mark, ended):
     """Keep the highest mark of each sender and epoch, the latest ones last. ended: as in `crowding.marks`."""
     for each in marks:
         if each[:2] == mark[:2]:

@@ -14,6 +14,8 @@ from sleepnode.checker import GROUP, Checker, buffer_number, deciding, through
 from sleepnode.machine import run
 from sleepnode.reader import Refused, head_of, read, unload
 
+_WHOLE = const(("after-issue", "best", "quorum"))
+"""Forms that are a whole command (`oneshot.py`)."""
 _MAX_TEXT = const(16384)
 _MAX_RULES = const(64)
 _MAX_OPERATORS = const(64)
@@ -50,12 +52,13 @@ _FLAGS = const(1)
 _PARAMETERS = const(7)
 _RUNS = const(1)
 _RULE = const(4)
-_RAN = const(8)
 
 
 class Mind:
     """See the module. number: its `id`. seed: of its chance. After `evaluate` and `rule`: matched, undecided (whether
     its test was unknown), faults and moved (whether the body was asked to move).
+
+    write_form: how special forms are written (`forms.py`).
 
     ruling, moving, whole: of the text compiled last: whether it changes rules, which groups it makes robots join or
     leave, and what it asks for as a whole command (`oneshot.py`).
@@ -154,13 +157,14 @@ class Mind:
             form = read(text)
             if inside:
                 form = inside(form)
+            plan = self._plan(form, head_of(form))
             if _remembers(form):
-                form = self._written_out(form)
+                form = self._written_out(form, Checker(self))
             checker = Checker(self)
             checker.declare(form)
-            checker.deciding = deciding(checker, form)
+            checker.deciding, checker.plan = deciding(checker, form), plan
             program = checker.program([form])
-            self.ruling, self.moving, self.whole = checker.rules, checker.moves, checker.whole
+            self.ruling, self.moving, self.whole = checker.rules, checker.moves, plan and plan[0]
             return program
         except RuntimeError:  # the interpreter's own stack is full
             raise Refused(_DEEP_REFUSED)
@@ -168,21 +172,28 @@ class Mind:
             raise Refused("too long for the memory of this computer")
         finally:
             gc.threshold(-1)
-            unload("leading")
-            unload("seldom")
+            unload("leading", "seldom", "whole")
+
+    def _plan(self, form, head):
+        """What a whole command asks for; None for others."""
+        if head not in _WHOLE or self.binding(head) or self.kind_of(head):
+            return None
+        try:
+            from sleepnode.oneshot import plan
+
+            return plan(form, head)
+        finally:
             unload("oneshot")
 
-    def _written_out(self, form):
+    def _written_out(self, form, checker):
         """A form without forms that remember. What writes them out is loaded for one text, to save memory."""
         try:
             from sleepnode.remembering import written_out
 
-            checker = Checker(self)
             checker.declare(form)
             return written_out(form, checker)
         finally:
-            unload("sharing")
-            unload("remembering")
+            unload("sharing", "remembering")
 
     def evaluate(self, text):
         """The value of a text, None if unknown. Raises Refused."""
@@ -229,7 +240,7 @@ class Mind:
             return value
         state[_FAULTS] = state[_FAULTS] + 1 if self.faults else 0
         if state[_FAULTS] >= _MAX_FAULTS_IN_ROW:
-            self._activate(key, False)
+            self.activate(key, False)
             self.since = None
             self.reports.append(("rule %s deactivated" % key, (), key))
         return value
@@ -243,11 +254,11 @@ class Mind:
                 values[at] = value + 0.0
         self.tick, self.now, self._draws = tick, now, 0
         self.values[_TICK], self.values[_TIME] = float(tick), now
-        for key in [key for key, until in self._leases.items() if until <= now]:
-            if self._runs(key):
-                self._activate(key, False)
+        for key in [key for key, until in self.leases.items() if until <= now]:
+            if self.runs(key):
+                self.activate(key, False)
                 self.report("lease of %s ended" % key, ())
-            self._leases.pop(key, None)
+            self.leases.pop(key, None)
 
     def round(self, own=False):
         """Evaluate the active rules, as far as the budget of a tick goes; the rest comes first in the next one. own:
@@ -255,16 +266,16 @@ class Mind:
         if self.values[_SLEEPING] or self.values[_FROZEN]:
             return False
         due, used, moved = self._due, 0, False
-        due[:] = self._order
+        due[:] = self.order
         for at, key in enumerate(due):
-            if not self._runs(key):
+            if not self.runs(key):
                 due[at] = None
         first = due.index(self._left) if self._left and self._left in due else 0
         self._left = None
         count = len(due)
         for at in range(first, first + count):
             key = due[at % count]
-            if key is None or not self._runs(key) or (own and self.learned[key][0][_FAULTS] != _BUILT_IN):
+            if key is None or not self.runs(key) or (own and self.learned[key][0][_FAULTS] != _BUILT_IN):
                 continue
             if used > _TICK_STEPS:
                 self._left = key
@@ -401,7 +412,8 @@ class Mind:
                 stack.pop()
             value = 1.0
         elif which == 0:
-            self._roll_back()
+            if self.since is None or self.tick - self.since < _PROVEN_TICKS:
+                self._rolling("roll_back")
             value = 1.0
         elif which == 1:
             value = self._ping(stack.pop())
@@ -478,14 +490,14 @@ class Mind:
         program = (bytearray(program[0]),) + program[1:]  # made again, where memory is free
         if before is None:
             key = str(key.encode(), "utf-8")
-            self._place(key)
+            self.place(key)
         try:
             self.learned[key] = program
         except MemoryError:
-            self._order.remove(key)
+            self.order.remove(key)
             raise
         if activate:
-            self._activate(key, True)
+            self.activate(key, True)
         return 1.0 if activate else 0.0
 
     def _store_number(self, key, value):
@@ -495,18 +507,18 @@ class Mind:
         program = Checker(self).stored(key, [(value, "", True)], flags=_RULE)[0]
         return None if self.store(key, program, False) is None else value
 
-    def _place(self, key):
+    def place(self, key):
         """Put a new rule where it runs: buffers by their number, then the others as they come."""
-        number, at = buffer_number(key), len(self._order)
+        number, at = buffer_number(key), len(self.order)
         if number is not None:
             while at:
-                other = buffer_number(self._order[at - 1])
+                other = buffer_number(self.order[at - 1])
                 if other is not None and other < number:
                     break
                 at -= 1
-        if len(self._due) <= len(self._order):
+        if len(self._due) <= len(self.order):
             self._due.append(None)
-        self._order.insert(at, key)
+        self.order.insert(at, key)
 
     def operate(self, key, program):
         """DEFUN."""
@@ -546,19 +558,19 @@ class Mind:
             return False
         return True
 
-    def _runs(self, key):
+    def runs(self, key):
         number = buffer_number(key)
         if number is not None:
             return bool(self.values[_ACTIVE + number])
         return self.kind_of(key) == "rule" and bool(self.learned[key][0][_FLAGS] & _RUNS)
 
-    def _activate(self, key, on):
+    def activate(self, key, on):
         number, state = buffer_number(key), self.learned[key][0]
         state[_FLAGS] = state[_FLAGS] | _RUNS if on else state[_FLAGS] & ~_RUNS
         if number is not None:
             self.values[_ACTIVE + number] = 1.0 if on else 0.0
         if not on:
-            self._leases.pop(key, None)
+            self.leases.pop(key, None)
 
     def _switch(self, key, on):
         number = buffer_number(key)
@@ -568,7 +580,7 @@ class Mind:
         if not self._is_changeable(key):
             return None
         self._changing()
-        self._activate(key, on)
+        self.activate(key, on)
         return 1.0
 
     def _forget(self, key):
@@ -578,13 +590,13 @@ class Mind:
         if not self._is_changeable(key):
             return None
         self._changing()
-        self._remove(key)
+        self.remove(key)
         return 1.0
 
-    def _remove(self, key):
-        self._activate(key, False)
+    def remove(self, key):
+        self.activate(key, False)
         del self.learned[key]
-        self._order.remove(key)
+        self.order.remove(key)
         if key in self._due:
             self._due[self._due.index(key)] = None
 
@@ -594,7 +606,7 @@ class Mind:
         if not self._is_changeable(key):
             return None
         self._changing()
-        self._leases[key] = self.now + seconds
+        self.leases[key] = self.now + seconds
         return 1.0
 
     # ---- rolling back
@@ -605,34 +617,18 @@ class Mind:
         self.since = self.tick
         if proven:
             try:
-                self._proven, self._proven_leases = self._rule_set(), dict(self._leases)
+                self._rolling("remember")
             except MemoryError:  # the one before stays
                 self.report("no memory to remember the rules for ROLLBACK", ())
 
-    def _rule_set(self):
-        rules = []
-        for key in self._changeable():
-            state = self.learned[key][0]
-            state[_FLAGS] = state[_FLAGS] | _RAN if self._runs(key) else state[_FLAGS] & ~_RAN
-            rules += key, self.learned[key]
-        return rules
+    def _rolling(self, what):
+        """Call a function of `rolling.py`."""
+        try:
+            from sleepnode import rolling
 
-    def _changeable(self):
-        return [key for key in self._order if self.learned[key][0][_FAULTS] != _BUILT_IN]
-
-    def _roll_back(self):
-        if self.since is not None and self.tick - self.since >= _PROVEN_TICKS:
-            return
-        for key in self._changeable():
-            self._remove(key)
-        for at in range(0, len(self._proven), 2):
-            key, program = self._proven[at : at + 2]
-            program[0][_FAULTS] = 0
-            self.learned[key] = program
-            self._place(key)
-            self._activate(key, program[0][_FLAGS] & _RAN)
-            if key in self._proven_leases:
-                self._leases[key] = self._proven_leases[key]
+            getattr(rolling, what)(self)
+        finally:
+            unload("rolling")
 
 
 _REMEMBERING = const(" once held hysteresis every after within age share ")
@@ -640,6 +636,19 @@ _REMEMBERING = const(" once held hysteresis every after within age share ")
 
 def _remembers(form):
     """Whether a text has a form that remembers from tick to tick."""
-    return isinstance(form, list) and (
-        " %s " % head_of(form) in _REMEMBERING or any([_remembers(item) for item in form])
-    )
+    if not isinstance(form, list):
+        return False
+    for item in form:
+        if _remembers(item):
+            return True
+    return " %s " % head_of(form) in _REMEMBERING
+
+
+def command_of(form):
+    """What a whole command asks for when its time has come."""
+    return form[2] if len(form) == 3 else ["when", form[3], form[4]]
+
+
+def bid_of(form):
+    """What a robot bids: the cost, if the test is true."""
+    return ["when", form[3], form[2] if form[0].lower() == "best" else (0.0, "0", True)]

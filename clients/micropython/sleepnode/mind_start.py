@@ -39,9 +39,9 @@ def begin(mind, sensors=(), actuators=(), constants=None, functions=(), number=0
     mind._slots = {}
     """Of user variables that texts name and nobody has made yet."""
     mind._members = {}
-    mind._leases = {}
+    mind.leases = {}
     """When rules are deactivated, by key."""
-    mind._order = []
+    mind.order = []
     """The keys of rules and buffers in the order in which they run."""
     mind.reports, mind.told, mind.pings, mind.dirty = [], [], [], []
     mind.faults = []
@@ -52,7 +52,7 @@ def begin(mind, sensors=(), actuators=(), constants=None, functions=(), number=0
     mind.tick, mind.now, mind._draws = 0, 0.0, 0
     mind.key = chance.stream(seed, number)
     mind._paid, mind._refused = 0.0, False
-    mind._proven, mind._proven_leases, mind.since = (), {}, 0
+    mind.proven, mind.proven_leases, mind.since = (), {}, 0
     """The set of rules to roll back to, each a key and a program; when it last changed."""
     mind._before = {}
     """The values of variables before a question, by slot."""

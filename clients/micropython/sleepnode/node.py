@@ -12,6 +12,7 @@ from micropython import const
 from sleepnode import ed25519
 from sleepnode.cbor import Malformed, encode
 from sleepnode.envelope import content, look, names, payload, sealed, signed
+from sleepnode.mind import bid_of, command_of
 from sleepnode.reader import Refused, unload
 from sleepnode.trust import make_room, not_stored
 
@@ -27,10 +28,8 @@ _STANDING = const(9)
 _OWNER = const(0)
 _ROLE = const(1)
 
-# Why a datagram is dropped.
+# Why a datagram is dropped; other reasons are those of `trust.py`.
 _MALFORMED = const(1)
-_UNKNOWN_KEY = const(2)
-_REVOKED_KEY = const(3)
 _NOT_ALLOWED = const(4)
 _LATE = const(5)
 _FROM_THE_FUTURE = const(6)
@@ -67,9 +66,19 @@ _RANKS = const(b"\x01\x03\x00\x00\x02\x05\x05\x04\x05\x01")
 """In which order signatures are verified, by kind: orders before questions, and those before digests."""
 _PATIENCE = const(200)
 """Ticks after which messages that have not come whole are forgotten."""
+_RETRY = const(300)
+"""Milliseconds until what found no memory is looked at again."""
 _STOPPED = const(3)
 _CANCELLED = const(4)
 """States of what waited (`timing.py`)."""
+_PHASE = const(3)
+_OUT = const(2)
+_WHY = const(4)
+_MADE = const(5)
+"""Places in a bid (`bidding.py`)."""
+_LEAVE = const(4)
+_FORGET = const(9)
+"""Acts of the mind."""
 _LISTEN = const(16)
 """Datagrams read at once, before the node does something else."""
 
@@ -83,13 +92,7 @@ class Node:
     """
 
     def __init__(self, body, radio, **given):
-        try:
-            from sleepnode.node_start import begin
-
-            begin(self, body, radio, **given)
-        finally:
-            unload("keeping")
-            unload("node_start")
+        self.seldom("node_start", "begin", body, radio, **given)
         gc.threshold(-1)
 
     def run(self):
@@ -124,10 +127,7 @@ class Node:
 
     def _leisure(self):
         """Milliseconds in which nothing is due."""
-        due = self.next
-        for each in self.out:
-            due = min(due, each[0])
-        return max(due - self.clock.now(), 0)
+        return max(min([self.next] + [each[0] for each in self.out]) - self.clock.now(), 0)
 
     # ---- receiving
 
@@ -155,7 +155,8 @@ class Node:
         which, kind, epoch, number = part[:4]
         if which == self.key and epoch == self._epoch and names(part[8])[1] == self.name:  # others may share the key
             return _OURS
-        reason = self.trust.objection(which, kind)
+        grants = kind == _REQUEST and any([each[0][0] == which for each in self.bids])  # the only ones that matter here
+        reason = self.trust.objection(which, 0 if grants else kind)
         if reason:
             return reason
         if kind == _HEARTBEAT and self.nonce and self.nonce in part[8]:
@@ -211,7 +212,7 @@ class Node:
         body = content(names(part[8])[2])[1]
         if kind == _DIGEST:
             return self.streams.matters(body.get("have"), self._commands)
-        return leased or self._is_addressed(body)
+        return leased or self.is_addressed(body)
 
     def _giving_way(self, datagram, size):
         """Which of the waiting datagrams gives way to this one, None if this one does. size: bytes of all."""
@@ -326,17 +327,21 @@ class Node:
             self.streams.compare(body.get("have"), self._commands, now, which)
             return
         if kind == _HEARTBEAT and "time" in body:
-            if message[8]["time"] == self.nonce:
-                self._timing("take_time", message, now)
+            if body["time"] == self.nonce:
+                self.seldom("timing", "take_time", message, now)
+            return
+        if kind == _REQUEST:
+            if "grants" in body:
+                self.seldom("bidding", "hear", message)
             return
         if role in ("operator", "commander") and kind != _STANDING:
             self._heard = now
         if kind == _STOP:
             self._obey_stop(message)
-        elif kind == _RELEASE and self._is_addressed(body):
+        elif kind == _RELEASE and self.is_addressed(body):
             self._obey_release(message)
         elif kind == _ASK and "again" in body:
-            self._say_again(body)
+            self.seldom("telemetry", "say_again", body)
         elif kind in (0, _STANDING) and role != "robot":
             if "keys" in body:
                 if kind == _STANDING and role == "commander":
@@ -355,7 +360,7 @@ class Node:
 
     def _enqueue(self, message):
         old = message[1] != _STANDING and message[4] < 1000 * (self.streams.since - 2000)
-        if old or "keys" in message[8] or not self._is_addressed(message[8]):
+        if old or "keys" in message[8] or not self.is_addressed(message[8]):
             return
         if len(self._queue) < _MAX_QUEUE:
             self._queue.append(message)
@@ -365,7 +370,7 @@ class Node:
     def _commands(self, which):
         return not self.trust.objection(which, _STANDING)  # digests tell of nothing else
 
-    def _is_addressed(self, body):
+    def is_addressed(self, body):
         only, others = body.get("for"), body.get("not", [])
         if not isinstance(others, list) or self.name in others:
             return False
@@ -376,8 +381,8 @@ class Node:
         if not self.latch.stop([message[6], message[2], message[3], message[0].hex()], body):
             self.answer(message, "fault", None, "a RELEASE that was sent later has ended this STOP")
             return
-        fault = self._keep_stops(self._halt())
-        if self._is_addressed(body):
+        fault = self._keep_stops(self.halt())
+        if self.is_addressed(body):
             self.answer(message, "stopped", None, fault)
 
     def _keep_stops(self, fault=""):
@@ -396,39 +401,37 @@ class Node:
             unload("keeping")
         return fault
 
-    def _restore_stops(self):
-        """Stay stopped if a STOP held before the restart, or if nobody can tell."""
-        try:
-            from sleepnode.keeping import stops
-
-            self.latch.holding = stops(self._stops_file)
-            self._kept = self.latch.holding[:]
-        finally:
-            unload("keeping")
-        if self.latch.holding:
-            self._halt()
-
-    def _halt(self):
+    def halt(self):
         """Stop the body, and keep it stopped."""
         self.stopped = self.mind.held = True
         self.mind.dirty = []
-        self.stopped_at = self.clock.now()
+        fault = self._rest()
         self._discard(_STOPPED)
-        return self._rest()
+        self.stopped_at = self.clock.now()
+        return fault
 
     def _discard(self, why, sender=None):
-        """Let what waits of this sender, or of all, wait no more; gives how many commands that were."""
-        count = 0.0
+        """Let what waits of this sender, or of all, wait no more, and end bids; gives how many commands that were."""
+        count = 0  # no float, which takes memory: a STOP needs none
         for row in self.waiting:
             if row[3] < _STOPPED and (sender is None or row[0][6] == sender):
                 row[3] = why
                 self.look_at = 0
                 count += 1
+        for bid in self.bids:
+            if bid[_PHASE] != _OUT and (sender is None or bid[0][6] == sender):
+                bid[_PHASE], bid[_WHY] = _OUT, why
+                self.bid_at = 0
+                count += 1
         return count
 
     def cancel(self):
         """CANCEL, as the mind calls it."""
-        return 1.0 if self.mind.asked else self._discard(_CANCELLED, self._sender)
+        return 1.0 if self.mind.asked else float(self._discard(_CANCELLED, self._sender))
+
+    def is_still(self):
+        """Whether nobody is to count on it."""
+        return self.stopped or self.catching_up or self.mind.values[2] or self.mind.values[3]
 
     def _rest(self):
         try:
@@ -443,11 +446,9 @@ class Node:
             self.stopped = self.mind.held = False
             self.body.release()
         fault = self._keep_stops()
-        if free:
-            self.answer(message, "released", None, fault)
-        else:
-            said = "the STOP %s holds: the RELEASE does not name it" % self.latch.names()
-            self.answer(message, "fault", None, said)
+        if not free:
+            fault = "the STOP %s holds: the RELEASE does not name it" % self.seldom("releasing", "holding")
+        self.answer(message, "released" if free else "fault", None, fault)
 
     # ---- ticks
 
@@ -470,6 +471,8 @@ class Node:
             self._enqueue(message)
         while self._queue:
             self._obey_first()
+        if self.bids and now >= self.bid_at:
+            self._obey_granted(now)
         if self.look_at is not None and now >= self.look_at:
             self._obey_waiting(now)
         self.catching_up = self.streams.is_catching_up(now)
@@ -482,7 +485,7 @@ class Node:
                 self._rest()
             elif not self.stopped:
                 self.body.release()
-        if not (still or self.stopped):
+        if not self.is_still():
             fault = self.body.act(mind)
             if fault:
                 mind.report(fault, ())
@@ -503,12 +506,7 @@ class Node:
             self.answer(message, "late", None, "")
             return
         if kind == _ASK and "look" in body:
-            try:
-                from sleepnode.telemetry import told
-
-                more = told(self, body)
-            finally:
-                unload("telemetry")
+            more = self.seldom("telemetry", "told", body)
             self.answer(message, "answer", None, more.pop("fault", ""), more)
             return
         if "lease" in body:
@@ -526,8 +524,8 @@ class Node:
         role = self.trust.keys[message[0]][_ROLE]
         try:
             program = mind.compile(message[7], inside)
-            if kind == _ASK and mind.whole is not None:
-                program = mind.compile(message[7], _command)
+            if kind == _ASK and isinstance(mind.whole, float):
+                program = mind.compile(message[7], command_of)
         except Refused as error:
             return "fault", None, error.sentence(), {}
         if kind == _ASK:
@@ -540,7 +538,9 @@ class Node:
             said = "only a commander's key may change rules, and that of %s is of role %s" % (sender, role)
             return "fault", None, said, {}
         if mind.whole is not None:
-            return self._timing("let_wait", message)
+            program = None  # it takes memory
+            timed = isinstance(mind.whole, float)
+            return self.seldom("timing", "let_wait", message) if timed else self._bid_for(message, mind.whole)
         hops = body.get("hops")
         mind.hops = min(max(hops, 1), 8) - 1 if isinstance(hops, int) else 0 if role == "robot" else 8
         self._sender = sender
@@ -549,7 +549,7 @@ class Node:
         mind.hops, self._sender = 8, ""
         if mind.moved:
             self.driven = role != "robot" and kind != _STANDING
-        if role == "robot":
+        if role == "robot" and inside is None:
             return None
         if mind.faults:
             return "fault", value, mind.faults[0], {}
@@ -557,28 +557,59 @@ class Node:
             return "matched", value, "", {"held": True} if mind.moved and self.stopped else {}
         return "not matched", value, "", {"unknown": True} if mind.undecided else {}
 
-    # ---- what waits for an instant
+    # ---- what waits for an instant, or is bid for
 
     def _obey_waiting(self, now):
         """Do what has waited for this tick."""
         done = []
-        for row in self._timing("step", now):
-            if row[3] < _STOPPED:  # one before it may have been a CANCEL
-                found = self._outcome(row[0], _command)
-                self.waiting.remove(row)
-                done.append((row, found, self.clock.now()))
-        if done:
-            self._timing("settle", done, now)
-
-    def _timing(self, what, *of):
-        """Call a function of `timing.py`."""
         try:
-            from sleepnode import timing
+            for row in self.seldom("timing", "step", now):
+                if row[3] < _STOPPED:  # one before it may have been a CANCEL
+                    found = self._outcome(row[0], command_of)
+                    self.waiting.remove(row)
+                    done.append((row, found, self.clock.now()))
+            if done:
+                self.seldom("timing", "settle", done, now)
+        except MemoryError:  # the rules go on
+            self.look_at = now + _RETRY
+            self._drop(_NO_MEMORY)
 
-            return getattr(timing, what)(self, *of)
+    def _bid_for(self, message, auction):
+        """Bid for a command, or give what to answer instead."""
+        said = self.seldom("polls", "objection", message)
+        if said is None:
+            said = self.seldom("polls", "begin", message, auction, self._outcome(message, bid_of))
+        return said or None
+
+    def _obey_granted(self, now):
+        """Do what is due about bids, and obey by those that were granted."""
+        try:
+            done = []
+            for bid in self.seldom("bidding", "tick", now):
+                done.append((bid, self._outcome(bid[0], command_of)))
+            if done:
+                self.seldom("bidding", "settle", done, now)
+        except MemoryError:  # who cannot look at its lease gives its place up
+            for bid in self.bids:
+                self.end(bid)
+            self.bids = []
+            self._drop(_NO_MEMORY)
+
+    def end(self, bid):
+        """End what a command has made that the robot has got by a bid, as far as nothing has replaced it."""
+        mind = self.mind
+        for is_group, key, made in bid[_MADE]:
+            if is_group or mind.learned.get(key) is made:
+                mind.act(_LEAVE if is_group else _FORGET, key, [])
+        bid[_MADE] = ()
+
+    def seldom(self, module, what, *of, **more):
+        """Call a function of a module that is loaded when there is something to do."""
+        gc.collect()  # here, where nothing that was deeper on the stack is taken for used
+        try:
+            return getattr(getattr(__import__("sleepnode." + module), module), what)(self, *of, **more)
         finally:
-            unload("keeping")
-            unload("timing")
+            unload("keeping", module)
 
     # ---- speaking: [when, kind, deadline, text, body]
 
@@ -605,22 +636,14 @@ class Node:
         body["fault"] = fault[:200] or None
         body.update(more or {})
         body = encode(body)
-        self._answered.append(body)
-        while len(self._answered) > 1 and sum([len(each) for each in self._answered]) > _MAX_ANSWERED:
-            del self._answered[0]
-        self.say(_ANSWER, body, within=self._within(message[8]))
+        self.answered.append(body)
+        while len(self.answered) > 1 and sum([len(each) for each in self.answered]) > _MAX_ANSWERED:
+            del self.answered[0]
+        self.say(_ANSWER, body, within=self.within(message[8]))
 
-    def _within(self, body):
+    def within(self, body):
         within = body.get("within")
         return within if isinstance(within, (int, float)) and 0 < within <= 60 else 0
-
-    def _say_again(self, body):
-        """An operator has missed answers."""
-        if ("for" in body or "not" in body) and isinstance(body["again"], str) and self._is_addressed(body):
-            command = encode(body["again"])
-            for answer in self._answered:
-                if command in answer and not any([each[4] is answer for each in self.out]):
-                    self.say(_ANSWER, answer, within=self._within(body))
 
     def _speak(self, now):
         """Hand what the mind has said, and what the channel wants, to the radio."""
@@ -647,7 +670,7 @@ class Node:
                 self._ask_for_more()
         if not self.clock.is_set and now - self.asked >= self._pause:
             self._pause = min(2 * self._pause, 16000)
-            self._timing("ask_time", {})
+            self.seldom("timing", "ask_time", {})
 
     def _sign(self):
         """A slice of signing; whether there was anything to sign."""
@@ -674,8 +697,3 @@ class Node:
                 self.asked = self.clock.now()  # signing takes time
             self._signing = None
         return True
-
-
-def _command(form):
-    """What a text asks for at its instant, if it waits for one."""
-    return form[2]

@@ -7,6 +7,7 @@ from micropython import const
 
 from sleepnode import ed25519
 from sleepnode.keeping import kept
+from sleepnode.keeping import stops as kept_stops
 from sleepnode.latch import Latch
 from sleepnode.mind import Mind
 from sleepnode.radio import Clock
@@ -57,16 +58,21 @@ def begin(
     robot._stops, robot._turn = 0, False
     robot._jobs, robot._queue, robot.out = [], [], []
     robot._calm = 0
-    robot._answered = []
+    robot.answered = []
     robot.pieces = {}
     robot.next, robot.tick, robot.every = now, 0, min(max(int(1000 * tick), 1), _SLOWEST)
     robot.nonce, robot.asked, robot._pause = None, now - 16000, 2000
     robot.whom, robot.came, robot._sender = "", 0, ""
-    robot._stops_file, robot.waits_file, robot._kept = stops, waits, []
+    robot._stops_file, robot.waits_file = stops, waits
     robot.waiting, robot.clocks, robot.stopped_at = [], {}, 0
     """What waits for an instant, the clocks of those who have sent it (`timing.py`), and the time of the last STOP."""
-    robot._restore_stops()
-    robot.waiting = robot._timing("restored", now)
+    robot.bids, robot.bid_at = [], 0
+    """Bids and memberships (`bidding.py`), and when to look at them."""
+    robot.latch.holding = kept_stops(stops)
+    robot._kept = robot.latch.holding[:]
+    if robot.latch.holding:
+        robot.halt()
+    robot.waiting = robot.seldom("timing", "restored", now)
     robot.look_at = 0 if robot.waiting else None
     """When to look at what waits, None for never."""
     robot.mind.cancel = robot.cancel

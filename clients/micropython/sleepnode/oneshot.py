@@ -1,37 +1,55 @@
-"""How the checker writes what only one-shot commands have: AFTER-ISSUE, CANCEL. Loaded for one text and let go again.
-
-As in `forms.py`: a function of the checker and the form, whose number of arguments is right, that gives the cost.
+"""What BEST, QUORUM and AFTER-ISSUE ask for around the expressions in them. Loaded for one text, and let go again
+before these are checked.
 """
 
 from micropython import const
 
-from sleepnode.checker import Function
-from sleepnode.reader import Refused, head_of
+from sleepnode.reader import Refused
 
-_HOST = const(52)
 _MAX_WAIT = const(3600)
 _TIMES = const(" ms s min h ")
-_HEADS = const(" after-issue cancel ")
+_MAX_CHOSEN = const(64)
+_BEHIND = {":window": (0.2, 10.0), ":lease": (1.0, 3600.0)}
+"""The least and the most seconds that may stand behind a command that chooses."""
 
 
-def _whole(c, form):
-    """Refuse a form around which there is another one."""
-    if c.count[0] != 1:
-        raise Refused("%s is a whole command, sent once: it stands in no other expression" % form[0].upper())
+def plan(form, key):
+    """What a whole command asks for; the places of its cost, test and command, 0 for what it has not got; and the fault
+    of a robot that is alone with the text. None if the form is incomplete. Raises Refused."""
+    if key == "after-issue" and len(form) == 3:
+        if not (_is_time(form[1]) and 0 < form[1][0] <= _MAX_WAIT):
+            raise Refused("AFTER-ISSUE waits for a time: wanted more than 0s and at most %ds" % _MAX_WAIT)
+        return form[1][0], 0, 0, 2, "AFTER-ISSUE counts from the issue of a command that is sent"
+    return _auction(form, form[0].upper(), key == "best") if 5 <= len(form) <= 9 else None
 
 
-def _aside(c, form):
-    """Check a form that is evaluated later, by itself."""
-    at = len(c.code)
-    cost = c.part(form)
-    c.code = c.code[:at]
-    return cost
+def _auction(form, name, is_best):
+    """A BEST or QUORUM asks for how many may obey, and the milliseconds of window and lease."""
+    counts = [_chosen(name, each) for each in form[1 : 2 if is_best else 3]]
+    if counts[0] > counts[-1]:
+        raise Refused("at least %d and at most %d robots: none can be both" % (counts[0], counts[-1]))
+    times = {":window": 1.0, ":lease": 4.0}
+    for at in range(5, len(form), 2):
+        _time(name, form[at], form[at + 1] if at + 1 < len(form) else None, times)
+    whole = counts[-1], int(1000 * times[":window"]), int(1000 * times[":lease"])
+    return whole, 2 if is_best else 0, 3, 4, "%s chooses among robots that are sent this" % name
 
 
-def _call(c, name, call):
-    """Write a call of a function that is there for this text alone."""
-    c.emit(_HOST)
-    c.thing(Function(name, call, 0, 0, False, False), None)
+def _chosen(name, form):
+    fine = isinstance(form, tuple) and form[1][-1:] in "0123456789." and form[2] and form[0] == int(form[0])
+    if not (fine and 1 <= form[0] <= _MAX_CHOSEN):
+        raise Refused("%s chooses a number of robots: wanted a whole number from 1 to %d" % (name, _MAX_CHOSEN))
+    return int(form[0])
+
+
+def _time(name, key, time, times):
+    """Take a time that stands behind the command."""
+    which = key.lower() if isinstance(key, str) else ""
+    least, most = _BEHIND.get(which, (1, 0))
+    if not (_is_time(time) and least <= time[0] <= most):
+        wanted = " or ".join(["%s and %gs to %gs" % ((each,) + _BEHIND[each]) for each in (":window", ":lease")])
+        raise Refused("what follows the command of %s can only be %s" % (name, wanted))
+    times[which] = time[0]
 
 
 def _is_time(form):
@@ -42,37 +60,3 @@ def _is_time(form):
         at -= 1
     unit = word[at:]
     return "/" not in word and (" %s " % unit in _TIMES if unit else word[-1] in ".0123456789" and form[2])
-
-
-def _after_issue(c, form):
-    _whole(c, form)
-    time = form[1]
-    if not (_is_time(time) and 0 < time[0] <= _MAX_WAIT):
-        raise Refused("AFTER-ISSUE waits for a time: wanted more than 0s and at most %ds" % _MAX_WAIT)
-    cost = _aside(c, form[2])
-    mind = c.mind
-    _call(c, "", lambda: mind.fault("AFTER-ISSUE counts from the issue of a command that is sent"))
-    c.whole = time[0]
-    return 1 + cost
-
-
-def _cancel(c, form):
-    if c.is_stored:
-        raise Refused("CANCEL stands in what is sent once: nobody has sent what is stored")
-    _call(c, "", c.mind.cancel)
-    return 1
-
-
-def write(c, form, key):
-    """Write a special form."""
-    return _cancel(c, form) if key == "cancel" else _after_issue(c, form)
-
-
-def refuse_told(c, form):
-    """Refuse a told form that has one of these in it which is no name of people's own."""
-    if isinstance(form, list):
-        head = head_of(form)
-        if " %s " % head in _HEADS and c.meaning(head) is None:
-            raise Refused("a TELL carries no AFTER-ISSUE or CANCEL: only a desk sends them")
-        for item in form:
-            refuse_told(c, item)

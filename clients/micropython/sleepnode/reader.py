@@ -74,11 +74,14 @@ class Refused(Exception):
         return said
 
 
-def unload(name):
-    """Let go of a module that was needed for a moment."""
-    package = sys.modules["sleepnode"]
-    if sys.modules.pop("sleepnode." + name, None) is not None and hasattr(package, name):
-        delattr(package, name)
+def unload(*names):
+    """Let go of modules that were needed for a moment."""
+    package, some = sys.modules["sleepnode"], False
+    for name in names:
+        if sys.modules.pop("sleepnode." + name, None) is not None and hasattr(package, name):
+            delattr(package, name)
+            some = True
+    if some:
         gc.collect()
 
 

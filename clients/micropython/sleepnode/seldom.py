@@ -187,9 +187,7 @@ def _tell(c, form):
     head = head_of(template) if isinstance(template, list) and len(template) == 2 else ""
     if head in ("quote", "quasiquote"):
         template = template[1]
-    from sleepnode.oneshot import refuse_told
-
-    refuse_told(c, template)
+    _refuse_told(c, template)
     holes = []
     if head != "quote":
         _holes(template, holes)
@@ -198,6 +196,19 @@ def _tell(c, form):
     c.emit(_TELL, hops)
     c.thing((show(template) if head == "quote" else show(template, "\0")).split("\0"))
     return 1 + cost
+
+
+def _refuse_told(c, form):
+    """Refuse a told form that has a word in it which only a desk sends, or whose bids nobody would collect here."""
+    if isinstance(form, list):
+        head = head_of(form)
+        if c.meaning(head) is None:
+            if head in ("after-issue", "cancel"):
+                raise Refused("a TELL carries no AFTER-ISSUE or CANCEL: only a desk sends them")
+            if head in ("best", "quorum"):
+                raise Refused("a TELL carries no BEST or QUORUM on this computer: it collects no bids")
+        for item in form:
+            _refuse_told(c, item)
 
 
 def _holes(form, holes):

@@ -73,6 +73,9 @@ a clause of COND is a list: wanted (test expr ...)
     """nested too deeply for this computer
 no room for a user variable %s: there are %d already
 RULE has no :priority on this computer: its rules run in the order in which they came
+the cost or test of %s does something: robots that are not chosen do it too
+%s is a whole command, sent once: it stands in no other expression
+CANCEL stands in what is sent once: nobody has sent what is stored
 """,
 )
 

@@ -4,6 +4,12 @@ import hashlib
 import json
 import struct
 
+from micropython import const
+
+from sleepnode.cbor import encode
+
+_ANSWER = const(5)
+
 
 def told(node, body):
     """The fields of the answer."""
@@ -44,7 +50,7 @@ def told(node, body):
 def vocabulary(body):
     """The names of this type of robot as a text."""
     names = {"name": "small computer", "sensors": [], "actuators": [], "constants": [], "functions": [], "forms": []}
-    names["forms"].append("after-issue")
+    names["forms"] += "after-issue", "best"
     for kind in ("sensors", "actuators"):
         for name, _, unit, low, high in getattr(body, kind):
             names[kind].append([name, unit, low, high, None, "", ""])
@@ -65,3 +71,12 @@ def learned(mind):
 
 def _digest(text):
     return hashlib.sha256(text.encode()).digest()[:8]
+
+
+def say_again(node, body):
+    """An operator has missed answers."""
+    if ("for" in body or "not" in body) and isinstance(body["again"], str) and node.is_addressed(body):
+        command = encode(body["again"])
+        for answer in node.answered:
+            if command in answer and not any([each[4] is answer for each in node.out]):
+                node.say(_ANSWER, answer, within=node.within(body))

@@ -11,6 +11,7 @@ from sleepnode.cbor import Malformed
 from sleepnode.envelope import content, look, names, payload, sealed, signed
 from sleepnode.keeping import keep, stops
 from sleepnode.node import Node
+from sleepnode.releasing import holding
 
 REASONS = [
     "",
@@ -138,7 +139,7 @@ for line in sys.stdin:
         held, freed = latch.rows(), []
         for sender, ends in asked["releases"]:
             freed.append(latch.release([sender, 1, 2**40, "key of " + sender], {"ends": ends}))
-        print(json.dumps({"held": held, "freed": freed, "left": latch.rows(), "names": latch.names()}))
+        print(json.dumps({"held": held, "freed": freed, "left": latch.rows(), "names": holding(node)}))
     elif "begun" in asked:
         streams, found = node.streams, []
         for key, epoch, standing in asked["begun"]:

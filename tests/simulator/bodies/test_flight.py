@@ -215,6 +215,43 @@ def test_a_battery_is_used_up_by_hovering_and_lands_it_when_empty() -> None:
     assert "its battery is empty" in refused(lambda: simulator.robots[HIGH].take_off(3.0))
 
 
+def test_a_battery_that_only_the_way_uses_up_lets_nobody_take_off_either() -> None:
+    text = (
+        SKY.replace('like = "copter"', 'type = "glider"\nbody = { radius = "0.5m" }').replace('"8m"', '"1m"')
+        + """
+limits = { speed = "5m/s", turn_rate = "1rad/s", acceleration = "2m/s2" }
+flight = { climb = "1m/s", ceiling = "30m", height = "5m" }
+stores.battery = { start = ["100%", "100%"], reach = "10m" }
+"""
+    )
+    simulator = sky(text=text)
+    simulator.robots[HIGH].go_to(20.0, 40.0)
+    steps(simulator, 6.0)
+    assert sensed(simulator, HIGH)["z"] == 0.0
+    assert "its battery is empty" in refused(lambda: simulator.robots[HIGH].take_off(3.0))
+
+
+@pytest.mark.parametrize("wanted", [1e200, -1e300])
+def test_who_is_driven_at_any_speed_flies_as_fast_as_it_may(wanted: float) -> None:
+    simulator = sky()
+    simulator.robots[HIGH].act(Setpoint(side=wanted))
+    steps(simulator, 3.0)
+    flight = simulator.bodies.flight
+    assert flight is not None
+    assert abs(flight.velocity_x[HIGH]) == pytest.approx(5.0)
+
+
+def test_a_robot_that_is_gone_leaves_nothing_in_the_air() -> None:
+    with sc.open(SKY.replace('like = "copter"', 'like = "copter"\nhatch = true')) as fleet:
+        fleet.send("(WHEN (NOT flying) (TAKEOFF 8m))")
+        fleet.run(12.0)
+        fleet.send("(WHEN (= id 2) (DIE))")
+        fleet.send("(WHEN (= id 1) (GOTO 25m 10m))")
+        fleet.run(6.0)
+        assert fleet.table()["z"].tolist() == pytest.approx([8.0, 8.0])
+        assert not fleet.swarm.simulator.sayings
+
+
 @pytest.mark.parametrize("machine", MACHINES)
 def test_copters_that_touch_crash_and_fall_and_stay(machine: Machine) -> None:
     text = SKY.replace("[robots]", 'edge = "torus"\n\n[robots]').replace(
@@ -433,6 +470,7 @@ def test_a_recording_and_a_page_have_the_heights(tmp_path: Path) -> None:
         (('like = "copter"', 'like = "scout"\nz = "1m"'), "do not fly"),
         (('"8m"]', '"80m"]'), "z"),
         (('like = "copter"', 'like = "copter"\nmotion = "wander"'), "motion"),
+        (('like = "copter"', 'like = "copter"\nz = ["5m", "6m"]'), "give poses a z"),
         (('like = "copter"', 'like = "copter"\nbody = { radius = "1m", bumpers = 2 }'), "body"),
     ],
 )

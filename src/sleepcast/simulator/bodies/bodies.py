@@ -233,7 +233,7 @@ class Bodies:
         for still in (self.wanted_speed, self.wanted_turn, self.swing):
             still[dead] = 0.0
         if self.flight:
-            self.flight.rest(dead)
+            self.flight.clear(dead)
         for number in dead.tolist():
             self.settle(number)
         self.forget()

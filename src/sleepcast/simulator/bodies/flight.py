@@ -238,6 +238,13 @@ class Flight:
         self.lock(which)
         self.velocity_x[which] = self.velocity_y[which] = 0.0
 
+    def clear(self, which: Whole) -> None:
+        """Leave nothing in the air of these, which are there no more: others would crash into it."""
+        flown = which[self.flies[which]]
+        self.z[flown] = self.height[flown] = GROUND
+        self.armed[flown] = self.flying[flown] = 0.0
+        self.rest(which)
+
     def lock(self, which: Whole) -> None:
         """Stop the motors of these for good."""
         self.locked[which] = True

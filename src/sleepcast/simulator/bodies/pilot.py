@@ -50,8 +50,9 @@ class Pilot(NamedTuple):
         heights = flight.usual_height(robots) if height is None else height
         self._refuse_heights(told, heights)
         told.refuse(flight.locked[robots], hovering.LOCKED_MOTORS)
-        if flight.empty is not None:
-            told.refuse(flight.empty[robots], EMPTY)
+        exhausted = self.bodies.exhausted()
+        if exhausted is not None:
+            told.refuse(exhausted[robots], EMPTY)
         flight.rest(told.free)
         flight.armed[told.free] = 1.0
         flight.target_z[told.free] = heights[told.obeys] + GROUND

@@ -16,6 +16,8 @@ from sleepcast.simulator.world.grid import Floats
 
 GRAVITY = 9.81
 """m/s2 at which a body falls whose motors are off."""
+FASTEST = 1e100
+"""m/s that may be wanted of a body: the square of a greater speed is no number."""
 
 
 class FlightLaws(NamedTuple):
@@ -47,6 +49,7 @@ def speed_before(laws: FlightLaws, room: Floats) -> Floats:
 
 def driven(laws: FlightLaws, heading: Floats, ahead: Floats, side: Floats) -> tuple[Floats, Floats]:
     """The velocity of a body that flies at these speeds ahead and to its left: the limit is that of the vector."""
+    ahead, side = bounded(ahead, -FASTEST, FASTEST), bounded(side, -FASTEST, FASTEST)
     share = np.sqrt(ahead * ahead + side * side) / laws.speed
     share = either(share > 1.0, share, 1.0)
     return rotated(ahead / share, side / share, *sine_cosine(heading))

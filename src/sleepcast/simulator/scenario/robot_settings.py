@@ -234,6 +234,8 @@ def read_robots(
         highest = limits.ceiling if flight else 0.0
         if table.has("z") and not flight:
             raise table.error("z", STANDS)
+        if table.has("z") and rows is not None:
+            raise table.error("z", "the starts say how high each of them begins: leave this out, or give poses a z")
         z = table.span("z", LENGTH, (Measure(0.0), Measure(0.0)), low=0.0, high=highest)
         if ring and geometry.sonars:
             raise table.error("sonar", "a robot has either sonars of [robots.body] or those of [robots.sonar]")

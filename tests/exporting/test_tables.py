@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import sleepcast as sc
 from exporting.coming import THERE, flock
-from exporting.recorded import YARD, one_picture, recorded
+from exporting.recorded import WORLD, YARD, one_picture, recorded
 from sleepcast.core.errors import MisuseError
 from sleepcast.exporting.run import RecordedRun
 from sleepcast.exporting.tables import READINGS, TABLE_NAMES, CellType, ExportTable, TableSink, Values
@@ -86,6 +87,15 @@ def test_every_column_has_a_unit_or_none() -> None:
     numbers = (CellType.NUMBER, CellType.SINGLE, CellType.WHOLE)
     for table in tables.tables.values():
         assert all(bool(column.unit) == (column.type in numbers) for column in table.columns)
+
+
+def test_poses_of_robots_that_fly_have_their_heights(tmp_path: Path) -> None:
+    flying = WORLD.replace("scout", "crazyflie").replace('"left-1"', '"left-1", z = "2m"')
+    with sc.open(flying) as fleet, fleet.record(tmp_path / "flown.mcap"):
+        fleet.run(1.0)
+    tables = kept(load_recording(tmp_path / "flown.mcap"))
+    assert tables.units("poses")["z"] == "m"
+    assert [row[-1] for row in tables.rows["poses"][-3:]] == [2.0, 0.0, 0.0]
 
 
 def test_only_the_robots_that_are_wanted_have_rows() -> None:

@@ -192,6 +192,8 @@ TABLES = (
         ),
     ),
 )
+HEIGHT = ExportColumn("z", CellType.SINGLE, "m", "above the ground")
+"""Of poses, where robots fly."""
 READINGS = "readings"
 TABLE_NAMES = (*(table.name for table in TABLES), READINGS)
 
@@ -203,8 +205,10 @@ class TableSink:
         self._run, self._writer = run, writer
         self._sensors: tuple[str, ...] | None = None
         self.rows: dict[str, int] = {}
+        self._flies = run.scenario.robots.flight is not None
         for table in TABLES:
-            self._begin(table)
+            high = self._flies and table.name == "poses"
+            self._begin(table._replace(columns=(*table.columns, HEIGHT)) if high else table)
         rows, numbers = zip(*run.wanted.values(), strict=True)
         specs = [run.spec(row) for row in rows]
         types, radii = [spec.type for spec in specs], [spec.geometry.radius for spec in specs]
@@ -214,7 +218,9 @@ class TableSink:
         """Write what an event says. Raises ValueError for what fits no table, OSError if it cannot be written."""
         match event:
             case PosesEvent():
-                self._add("poses", [*self._keys(event.time), *event.poses[self._run.chosen].T])
+                chosen = self._run.chosen
+                z = [event.z[chosen].astype(np.float32)] if self._flies else []
+                self._add("poses", [*self._keys(event.time), *event.poses[chosen].T, *z])
             case ReadingsEvent():
                 self._readings(event)
             case MarksEvent():

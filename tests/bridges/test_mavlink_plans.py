@@ -41,6 +41,10 @@ def to(x: float, y: float, height: float = 5.0, command: int = WAYPOINT, *parame
     return Item(command, at(x, y), height, frame, (first, second, third, fourth))
 
 
+def jump(number: float) -> Item:
+    return Item(JUMP, None, nan, 2, (number, 2.0, 0.0, 0.0))
+
+
 def survey(*corners: tuple[float, float], height: float = 5.0) -> Plan:
     way = [to(x, y, height) for x, y in corners]
     return Plan("survey", (Item(TAKEOFF, None, height), *way, Item(LAND, None)))
@@ -100,7 +104,7 @@ def test_a_rule_that_says_it_in_every_tick_begins_it_once() -> None:
     rig.vehicle_body.narrow(Limits(inf, inf, inf, fence=(-5.0, -5.0, 5.0, 5.0)))
     rig.vehicle_body.fly_plan(1.0)
     mind.say("(SET_MODE GUIDED)")
-    with pytest.raises(FencedError, match="plan survey: the way to item 2 passes the fence"):
+    with pytest.raises(FencedError, match="plan survey: item 3 lies outside of the fence"):
         rig.vehicle_body.fly_plan(1.0)
 
 
@@ -203,6 +207,8 @@ def test_a_pilot_keeps_what_he_flies() -> None:
         ((to(10.0, 0.0, GROUND + 31.0, frame=0),), "item 1 is at 31 m"),
         ((to(10.0, 0.0, 5.0, frame=10),), "item 1 counts its height from the terrain"),
         ((to(10.0, 0.0, nan),), "item 1: nobody knows how high that is"),
+        ((Item(TAKEOFF, None, 500.0), to(0.0, 0.0)), "item 1 is at 500 m"),
+        ((Item(LOITER_TURNS, None, -3.0), to(0.0, 0.0)), "item 1 is at -3 m"),
         ((Item(SPEED, None, nan, 2, (1.0, 9.0, -1.0, 0.0)),), "item 1 asks for 9 m/s, and 2 are allowed"),
         ((to(2e5, 0.0),), "item 1 is farther than 100000 m"),
     ],
@@ -231,11 +237,16 @@ def test_ways_between_places_and_back_lie_within_the_fence_too() -> None:
                 to(0.0, 0.0),
                 to(10.0, 0.0),
                 to(10.0, 10.0),
-                Item(JUMP, None, nan, 2, (1.0, 2.0, 0.0, 0.0)),
+                jump(1.0),
             ),
             "the way back to item 1",
         ),
         ((to(0.0, 0.0), to(10.0, 0.0), to(10.0, 10.0), Item(HOMEWARD, None)), "the way to item 4"),
+        ((jump(3.0), to(0.0, 0.0), to(10.0, 10.0)), "the way to item 3"),
+        (
+            (to(0.0, 10.0), jump(4.0), to(0.0, 0.0), jump(6.0), to(0.0, 0.0), to(10.0, 10.0), to(10.0, 0.0)),
+            "the way to item 6",
+        ),
     ):
         rig, _ = flying(Plan("survey", plan))
         rig.vehicle_body.narrow(fenced)
@@ -291,6 +302,9 @@ def test_plans_are_called_by_their_files(tmp_path: Path) -> None:
         ("survey.waypoints", "QGC WPL 120\n", "wanted QGC WPL 110"),
         ("survey.waypoints", "QGC WPL 110\n0 1 0 16", "wanted twelve numbers"),
         ("survey.waypoints", "QGC WPL 110\n" + "0 1 nan 16 0 0 0 0 1 1 1 1\n", "wanted twelve numbers"),
+        ("survey.waypoints", WAYPOINTS.replace("1 0 3 16", "1 0 300 16"), "item 1 has a frame that is none of MAVLink"),
+        ("survey.plan", square_plan(items=[{"command": 20, "frame": "3", "params": [0] * 7}]), "item 1 has a frame"),
+        ("survey.plan", square_plan(items=[{"command": 16, "params": [0, 0, 0, 0, 95, 8, 5]}]), "without a place"),
         ("my survey.plan", square_plan(), "wanted a letter, then up to 31 letters, digits and _"),
         ("..plan", square_plan(), "wanted a letter|it has 0 files"),
         ("7.plan", square_plan(), "wanted a letter"),

@@ -78,6 +78,29 @@ def test_surveys_have_their_items_and_are_noted() -> None:
     assert list(found.notes) == [("a survey as such", "its waypoints are there, one by one")]
 
 
+def test_a_fence_with_a_corner_that_is_no_place_is_not_another_fence() -> None:
+    square = [[47.0, 8.0], [48.0, 8.0], [148.0, 9.0], [47.0, 9.0]]
+    lines = [f"{n} 0 3 5001 4 0 0 0 {at[0]} {at[1]} 0 1" for n, at in enumerate(square)]
+    plan = {"fileType": "Plan", "geoFence": {"polygons": [{"polygon": square}]}}
+    for found in (
+        read(".waypoints", "\n".join(["QGC WPL 110", *lines]).encode()),
+        read(".plan", json.dumps(plan).encode()),
+    ):
+        assert found is not None
+        assert [area.corners for area in found.fences] == [()]
+
+
+def test_numbers_that_no_message_can_carry_are_unknown() -> None:
+    found = read(
+        ".waypoints",
+        WAYPOINTS.splitlines()[0].encode() + b"\n0 1 0 16 0 0 0 0 1 1 1 1\n1 0 256 16 1e300 inf 2 3 1 1 1e39 1",
+    )
+    assert found is not None
+    (item,) = found.items
+    assert (item.frame, item.parameters[2:]) == (-1, (2.0, 3.0))
+    assert all(map(isnan, (item.altitude, *item.parameters[:2])))
+
+
 @given(st.data())
 def test_files_that_are_cut_or_damaged_are_read_or_refused(data: st.DataObject) -> None:
     ending, text = data.draw(st.sampled_from([(".waypoints", WAYPOINTS), (".plan", json.dumps(PLAN))]))

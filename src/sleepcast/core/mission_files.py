@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import field
 from math import isfinite, nan
 from pathlib import Path
@@ -19,7 +19,7 @@ from sleepcast.core.settings import SettingsError, read_text
 
 MAX_FILE = 16 * 1_048_576
 MAX_ITEMS = 100_000
-MAX_COMMAND = 65_535
+MAX_COMMAND, MAX_FRAME = 65_535, 255
 MAX_DEPTH = 8
 """Complex items in complex items."""
 
@@ -42,6 +42,7 @@ class Item:
 
     at: None where it says no place.
     altitude: m, of its frame; NaN for none.
+    frame: -1 for what is none of MAVLink.
     parameters: its first four; NaN where the file has none.
     """
 
@@ -59,7 +60,8 @@ class Item:
 @dataclass(frozen=True, slots=True)
 class FenceArea:
     """Where vehicles are to stay inside, or outside. corners: of a polygon; else it is round, `radius` m around the one
-    corner. A circle without centre or radius has none."""
+    corner. A circle without centre or radius has none, nor has a polygon with a corner that is no place: without that
+    one it would be another polygon."""
 
     corners: tuple[Place, ...]
     inside: bool
@@ -128,16 +130,17 @@ def _item_of(path: Path, number: int, line: str) -> Item:
     if len(numbers) != 12 or len(whole) != 2:
         raise SettingsError(f"{path}:{number}: wanted twelve numbers, not {line.strip()!r:.60}")
     frame, command = map(int, whole)
-    first, second, third, fourth = numbers[4:8]
-    return Item(command, _place(numbers[8], numbers[9]), numbers[10], frame, (first, second, third, fourth))
+    first, second, third, fourth = map(_number, numbers[4:8])
+    height = _number(numbers[10])
+    return Item(command, _place(numbers[8], numbers[9]), height, _frame(frame), (first, second, third, fourth))
 
 
 def fences_of(items: list[Item]) -> Iterator[FenceArea]:
     """The fences in a list of items: a corner an item, whose first parameter says how many there are; but files with
     fewer are about."""
-    corners: list[Place] = []
+    corners: list[Place | None] = []
     for each, following in zip(items, (*items[1:], None), strict=False):
-        if each.command not in FENCES or not each.at:
+        if each.command not in FENCES:
             continue
         inside = each.command in (INSIDE_POLYGON, INSIDE_CIRCLE)
         if each.command in (INSIDE_CIRCLE, OUTSIDE_CIRCLE):
@@ -145,7 +148,7 @@ def fences_of(items: list[Item]) -> Iterator[FenceArea]:
             continue
         corners.append(each.at)
         if following is None or following.command != each.command or len(corners) >= each.first:
-            yield FenceArea(tuple(corners), inside)
+            yield FenceArea(_whole(corners), inside)
             corners = []
 
 
@@ -161,6 +164,10 @@ def _place(latitude: object, longitude: object) -> Place | None:
     if len(at) != 2 or not any(at) or not (abs(at[0]) <= 90.0 and abs(at[1]) <= 180.0):
         return None
     return float(at[0]), float(at[1])
+
+
+def _frame(number: float) -> int:
+    return int(number) if 0.0 <= number <= MAX_FRAME else -1
 
 
 def _number(value: object) -> float:
@@ -233,9 +240,8 @@ def _simple_item(path: Path, each: dict[str, object]) -> Item:
     if place is None and isinstance(old, list):  # as versions before 3.2 wrote
         place, altitude = _places(old), [_number(value) for value in old[2:3]]
     frame = _number(each.get("frame", ABOVE_HOME))
-    known = 0.0 <= frame <= MAX_COMMAND
     height = altitude[0] if altitude else nan
-    return Item(command, place, height, int(frame) if known else -1, (first, second, third, fourth))
+    return Item(command, place, height, _frame(frame), (first, second, third, fourth))
 
 
 def _places(value: object) -> Place | None:
@@ -261,4 +267,10 @@ def _areas(fence: dict[str, object]) -> Iterator[FenceArea]:
 
 
 def _corners(corners: object) -> tuple[Place, ...]:
-    return tuple(place for corner in (corners if isinstance(corners, list) else []) if (place := _places(corner)))
+    return _whole([_places(corner) for corner in corners] if isinstance(corners, list) else [])
+
+
+def _whole(corners: Sequence[Place | None]) -> tuple[Place, ...]:
+    """All corners of a polygon; none if one of them is no place."""
+    places = tuple(corner for corner in corners if corner)
+    return places if len(places) == len(corners) else ()

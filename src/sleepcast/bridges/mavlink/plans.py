@@ -8,7 +8,7 @@ itself, so that nothing that is here could hold it on the way.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from math import hypot, isfinite, isnan
 from pathlib import Path
 
@@ -120,6 +120,10 @@ def _read_plan(file: Path) -> Plan:
                 f"{file}: item {number} is command {item.command} of MAVLink, and nobody here knows where that leads: "
                 "take it out"
             )
+        if item.frame < 0:
+            raise BodyError(f"{file}: item {number} has a frame that is none of MAVLink: wanted 3, above home")
+        if item.command in (WAYPOINT, SPLINE) and not item.at:
+            raise BodyError(f"{file}: item {number} is a waypoint without a place: give it one, or take it out")
         if item.command == JUMP and not 1.0 <= item.first <= len(items):
             raise BodyError(f"{file}: item {number} jumps to item {item.first:g}, and there are {len(items)}")
     return Plan(file.stem, tuple(items))
@@ -134,17 +138,15 @@ def check_plan(plan: Plan, now: Circumstances) -> None:
             raise MisuseError(f"{which} asks for {item.parameters[1]:g} m/s, and {now.limits.speed:g} are allowed")
         if item.command == SPLINE and now.limits.are_fenced:
             raise MisuseError(f"{which} is a spline, which may swing beyond the fence: make it a waypoint")
-        if item.command in GOES and item.at and now.flies and item.command != LAND:
+        if now.flies and _says_height(item):
             _check_height(item, now, which)
     stops = _stops(plan, now)
-    before = now.here
     for number, (point, item) in stops.items():
         _check_place(f"plan {plan.name}: item {number}", point, item, now)
-        _check_way(f"plan {plan.name}: the way to item {number}", before, point, item, now)
-        before = point
-    for number, item in enumerate(plan.items, 1):
-        if item.command == JUMP:
-            _check_jump(plan, number, int(item.first), stops, now)
+    for begin, end in _ways(plan, stops):
+        way = "the way" if begin < end else "the way back"
+        start = stops[begin][0] if begin else now.here
+        _check_way(f"plan {plan.name}: {way} to item {end}", start, stops[end][0], now)
 
 
 def _stops(plan: Plan, now: Circumstances) -> dict[int, tuple[Point, Item]]:
@@ -165,13 +167,27 @@ def _stops(plan: Plan, now: Circumstances) -> dict[int, tuple[Point, Item]]:
     return stops
 
 
-def _check_jump(plan: Plan, number: int, target: int, stops: dict[int, tuple[Point, Item]], now: Circumstances) -> None:
-    """Look at the way from before a jump to behind it."""
-    before = [point for at, (point, _) in stops.items() if at < number]
-    behind = next(((at, *stop) for at, stop in stops.items() if at >= target), None)
-    if before and behind is not None:
-        at, point, item = behind
-        _check_way(f"plan {plan.name}: the way back to item {at}", before[-1], point, item, now)
+def _ways(plan: Plan, stops: Collection[int]) -> Iterator[tuple[int, int]]:
+    """The ways that a plan may take, each jump done or not, by the numbers of the places; 0 for where it begins."""
+    for begin in (0, *stops):
+        next_ones, seen = [begin + 1], set[int]()
+        while next_ones:
+            number = next_ones.pop()
+            if number in seen or number > len(plan.items):
+                continue
+            seen.add(number)
+            if number in stops:
+                yield begin, number
+                continue
+            item = plan.items[number - 1]
+            next_ones += [number + 1, *([int(item.first)] if item.command == JUMP else ())]
+
+
+def _says_height(item: Item) -> bool:
+    """Whether an item leads to a height: without a place, 0 stands for the one that it has."""
+    if item.command not in GOES or item.command == LAND:
+        return False
+    return bool(item.at) or (item.command not in (HOMEWARD, DELAY) and item.altitude != 0.0 and isfinite(item.altitude))
 
 
 def _check_height(item: Item, now: Circumstances, which: str) -> None:
@@ -196,7 +212,7 @@ def _check_place(which: str, point: Point, item: Item, now: Circumstances) -> No
         raise FencedError(f"{which}: its circle of {margin:g} m passes the fence")
 
 
-def _check_way(which: str, start: Point, end: Point, item: Item, now: Circumstances) -> None:
+def _check_way(which: str, start: Point, end: Point, now: Circumstances) -> None:
     if not all(map(isfinite, start)):
         raise MisuseError("the vehicle has not said yet where it is")
     if not now.limits.holds_way(start, end):

@@ -500,3 +500,10 @@ def test_neighbours_are_those_in_a_ball(machine: Machine, text: str, value: floa
     swarm = Swarm(Simulator(read_scenario(BALL), machine=machine))
     swarm.step()
     assert swarm.evaluate("high", text).value == pytest.approx(value)
+
+
+def test_a_neighbour_far_above_a_small_world_is_one() -> None:
+    text = SKY.replace("[robots]", '[neighbours]\nreach = "500m"\n\n[robots]').replace('"8m"', '"200m"')
+    swarm = Swarm(Simulator(read_scenario(text + '[robots.flight]\nceiling = "300m"\n')))
+    swarm.step()
+    assert [swarm.evaluate("high", f"(COUNT {radius}m)").value for radius in (199, 201, 500)] == [0.0, 2.0, 2.0]

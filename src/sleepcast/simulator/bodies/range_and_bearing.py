@@ -112,7 +112,9 @@ class RangeAndBearing:
         self._hides = bodies.scenario.sight.neighbours
         sight = bodies.sight.walls if self._hides else SightLines((bodies.scenario.width, bodies.scenario.height))
         self._near = Neighbourhood(bodies.scenario, model, bodies.seed, BodyTables(*tables), sight)
-        self._reach = min(model.reach, bodies.scenario.width + bodies.scenario.height)
+        self._across = bodies.scenario.width + bodies.scenario.height
+        """No two bodies are farther from each other over the ground, m."""
+        self._reach = min(model.reach, self._across + (bodies.limits.ceiling if bodies.flight is not None else 0.0))
         self._sorted: dict[float, tuple[Grid, Sorted, Images]] = {}
         """All bodies in cells as large as the greatest radius asked for, by that radius."""
         self._recent: list[tuple[_NeighbourQuery, Pairs]] = []
@@ -347,7 +349,7 @@ class RangeAndBearing:
         for before, pairs_before in self._recent:
             if before.same(query):
                 return [pairs_before]
-        bodies, reach = self._bodies, _reach_of(query.radius)
+        bodies, reach = self._bodies, _reach_of(np.minimum(query.radius, self._across))
         block = np.zeros(query.robots.size, np.int64)
         if query.robots.size > MAX_PAIRS // bodies.count:
             grid, points, images = self._cells(reach)

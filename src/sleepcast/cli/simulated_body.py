@@ -6,7 +6,16 @@ from sleepcast.bridges import BridgedBody, Opening
 from sleepcast.core.clock import WallClock
 from sleepcast.core.counter_rng import key
 from sleepcast.robot import Limits
-from sleepcast.simulator import Changes, SafetyLimits, Simulator, SingleRobot, choose, find_scenario, limited
+from sleepcast.simulator import (
+    Changes,
+    FlyingBody,
+    SafetyLimits,
+    Simulator,
+    SingleRobot,
+    choose,
+    find_scenario,
+    limited,
+)
 
 SCENARIO = "bravo"
 """Whose world a body has unless it says otherwise."""
@@ -24,6 +33,12 @@ class LoneBody(SingleRobot):
         """Its time goes with the looks of its mind."""
 
 
+class FlyingLoneBody(LoneBody, FlyingBody):
+    """The same where robots fly."""
+
+    __slots__ = ()
+
+
 BridgedBody.register(LoneBody)
 
 
@@ -35,4 +50,5 @@ def open_body(uri: str, opening: Opening) -> LoneBody:
     # Another one begins elsewhere; for one body no kernels need be loaded.
     simulator = Simulator(scenario, key(opening.seed, "alone", opening.number) >> 1, choose("numpy", 1))
     clock = None if opening.in_step else WallClock()
-    return LoneBody(simulator, clock, SafetyLimits(simulator, opening.limits))
+    kind = LoneBody if simulator.bodies.flight is None else FlyingLoneBody
+    return kind(simulator, clock, SafetyLimits(simulator, opening.limits))

@@ -16,7 +16,7 @@ import numpy as np  # noqa: F401 - first: deep down in imports of imports, its o
 
 from sleepcast.core.settings import SettingsError
 from sleepcast.simulator.bodies.bodies import Bodies, Saying
-from sleepcast.simulator.bodies.body import Body
+from sleepcast.simulator.bodies.body import Body, FlyingBody
 from sleepcast.simulator.bodies.payload import Payload
 from sleepcast.simulator.engine import Machine, choose
 from sleepcast.simulator.kernel_warm_up import KERNELS, compile_kernels, keep_kernels, kernel_count, load_kernels
@@ -46,6 +46,7 @@ __all__ = [
     "Body",
     "Changes",
     "Circle",
+    "FlyingBody",
     "Machine",
     "MapPicture",
     "MissionError",

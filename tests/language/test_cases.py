@@ -13,7 +13,7 @@ FEWEST = 300
 TOPICS = {
     "areas", "arithmetic", "assignment", "body", "boolean", "bounds", "buffers", "chance", "comparison", "control",
     "choosing", "doubts", "errors", "faults", "functions_with_numbers", "groups", "instants", "neighbours",
-    "operators", "population", "remembering", "rules", "scanners", "speaking", "support", "units",
+    "operators", "population", "remembering", "rules", "scanners", "space", "speaking", "support", "units",
 }  # fmt: skip
 
 

@@ -375,6 +375,28 @@ def test_beside_copters_rovers_stay_on_the_ground() -> None:
     assert simulator.heights[HIGH] == 0.0
 
 
+def each_acts(simulator: Simulator, actuator: str) -> None:
+    for body in simulator.robots:
+        body.act(Setpoint(side=0.5) if actuator == "drive_side" else Setpoint(climb=0.5))
+
+
+@pytest.mark.parametrize(
+    "act",
+    [
+        each_acts,
+        lambda simulator, actuator: simulator.act(actuator, np.arange(5), np.full(5, 0.5)),
+        lambda simulator, actuator: simulator.act(actuator, slice(0, 5), np.full(5, 0.5)),
+    ],
+)
+def test_what_only_copters_have_does_not_hold_up_a_rover(act: Callable[[Simulator, str], None]) -> None:
+    simulator = sky(text=MIXED)
+    simulator.robots[3].go_to(25.0, 20.0)
+    act(simulator, "drive_climb"), act(simulator, "drive_side")
+    steps(simulator, 8.0)
+    assert sensed(simulator, 3)["x"] == pytest.approx(25.0, abs=0.3)
+    assert sensed(simulator, HIGH)["z"] > 8.0
+
+
 def test_who_is_let_go_of_hovers_or_lands_as_its_type_says() -> None:
     for name, lands in (("copter", False), ("crazyflie", True)):
         simulator = sky(text=SKY.replace('"copter"', f'"{name}"').replace('"8m"', '"1m"'))

@@ -69,7 +69,8 @@ class Body:
     def act(self, wanted: Setpoint) -> None:
         speed = self._bodies.wanted_speed[self.number] if isnan(wanted.speed) else wanted.speed
         turn = self._bodies.wanted_turn[self.number] if isnan(wanted.turn_rate) else wanted.turn_rate
-        self.drive(speed, turn)
+        if self._bodies.flight is None or not (isnan(wanted.speed) and isnan(wanted.turn_rate)):
+            self.drive(speed, turn)
         for actuator, value in (("drive_side", wanted.side), ("drive_climb", wanted.climb)):
             if not isnan(value):
                 self._bodies.act(actuator, np.array([self.number]), np.array([value]))

@@ -202,6 +202,7 @@ def test_what_it_does_not_do_it_refuses_in_the_words_of_a_real_one() -> None:
 def test_a_battery_is_used_up_by_hovering_and_lands_it_when_empty() -> None:
     text = SKY + '[robots.flight]\nhovers = "10s"\nclimb = "1m/s"\nceiling = "30m"\nheight = "5m"\nsink = "0.5m/s"\n'
     simulator = sky(text=text)
+    simulator.robots[HIGH].hold(True)
     steps(simulator, 5.0)
     assert sensed(simulator, HIGH)["battery"] == pytest.approx(0.5)
     assert sensed(simulator, LOW)["battery"] == 1.0, "on the ground it uses nothing"
@@ -229,6 +230,7 @@ stores.battery = { start = ["100%", "100%"], reach = "10m" }
     steps(simulator, 6.0)
     assert sensed(simulator, HIGH)["z"] == 0.0
     assert "its battery is empty" in refused(lambda: simulator.robots[HIGH].take_off(3.0))
+    assert refused(lambda: simulator.robots[HIGH].go_to(20.0, 20.0)) == hovering.GROUNDED
 
 
 @pytest.mark.parametrize("wanted", [1e200, -1e300])

@@ -138,11 +138,11 @@ class Flight:
     def step(self) -> None:
         """Move all that fly through a tick, and let it use up their batteries."""
         bodies, rows, laws = self._bodies, self._rows, self._laws
-        self._come_down_empty()
+        held = bodies.held[rows] & ~self._come_down_empty()[rows]
         self.target_z[rows] = np.where(self.wanted_climb[rows] != 0.0, nan, self.target_z[rows])
         up = ((self.z[rows] > GROUND) | (self.target_z[rows] > GROUND)) & (self.armed[rows] > 0.0)
         falls = (self.z[rows] > GROUND) & (self.armed[rows] == 0.0)
-        moves = up & ~bodies.held[rows]
+        moves = up & ~held
         turn = self._turn(moves)
         heading = wrap(bodies.heading[rows] + turn)
         east, north = self._go(moves, up, heading)
@@ -194,11 +194,12 @@ class Flight:
         falling = np.maximum(self.climb_rate[rows] - GRAVITY * laws.tick, -FASTEST_CLIMB)
         return np.where(up, rate, np.where(falls, falling, 0.0))
 
-    def _come_down_empty(self) -> None:
-        """Let those land that have used up what they fly with."""
+    def _come_down_empty(self) -> Flags:
+        """Let those land that have used up what they fly with, whatever holds them; gives which ones."""
         exhausted = self._bodies.exhausted()
-        if exhausted is not None and exhausted.any():
-            self.rest(np.flatnonzero(exhausted & self.flies), LANDS)
+        empty = np.zeros(self._bodies.count, bool) if exhausted is None else exhausted & self.flies
+        self.rest(np.flatnonzero(empty), LANDS)
+        return empty
 
     def _touch_ground(self, moved: Flags) -> None:
         """Let those stand that have come down; their motors stop."""

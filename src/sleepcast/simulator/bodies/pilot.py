@@ -77,11 +77,12 @@ class Pilot(NamedTuple):
         bodies.go_to(robots[rolls], x[rolls], y[rolls])
         told = self._told(robots, flies=~rolls)
         self._refuse_places(told, x, y)
+        grounded = self._is_grounded(robots)
         if z is None:
-            told.refuse(flight.target_z[robots] == LANDS, hovering.LANDING)
+            told.refuse((flight.target_z[robots] == LANDS) & ~grounded, hovering.LANDING)
         else:
             self._refuse_heights(told, z)
-        told.refuse(self._is_grounded(robots), hovering.GROUNDED)
+        told.refuse(grounded, hovering.GROUNDED)
         height = flight.target_z[told.free] if z is None else z[told.obeys]
         flight.rest(told.free)
         bodies.go_to(told.free, x[told.obeys], y[told.obeys])

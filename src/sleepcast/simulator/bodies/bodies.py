@@ -412,18 +412,19 @@ class Bodies:
 
     def act(self, actuator: str, which: Whole | slice, values: Floats) -> None:
         """Set one actuator of these bodies to `values`, leaving the other one's wanted value; see `Body.act`."""
-        wanted, deaf = {"drive_speed": self.wanted_speed, "drive_turn": self.wanted_turn}, self.stopped
+        wanted = {"drive_speed": self.wanted_speed, "drive_turn": self.wanted_turn}
+        stopped = self.stopped
         if self.flight:
             if actuator not in wanted:
-                deaf = deaf | ~self.flight.flies
+                stopped = stopped | ~self.flight.flies  # on the ground there is no such actuator
             wanted |= {"drive_side": self.flight.wanted_side, "drive_climb": self.flight.wanted_climb}
         if actuator not in wanted:
             raise MisuseError(f'no actuator "{actuator}"{did_you_mean(actuator, wanted)}: wanted {" or ".join(wanted)}')
         if isinstance(which, slice):
-            stopped, mode, column = deaf[which], self.mode[which], wanted[actuator][which]
-            self.machine.share(values.size, lambda i, j: _drive(stopped[i:j], mode[i:j], column[i:j], values[i:j]))
+            some, mode, column = stopped[which], self.mode[which], wanted[actuator][which]
+            self.machine.share(values.size, lambda i, j: _drive(some[i:j], mode[i:j], column[i:j], values[i:j]))
             return
-        free, named = ~deaf[which], ~np.isnan(values)
+        free, named = ~stopped[which], ~np.isnan(values)
         self.mode[which[free]] = Mode.DRIVE
         wanted[actuator][which[free & named]] = values[free & named]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -119,7 +120,7 @@ def test_machines_agree_on_the_gallery_without_sonars(name: str) -> None:
     for machine in ALL:
         sim = Simulator(scenario, 3, machine)
         for number, body in enumerate([*sim.robots][:30]):
-            goes = getattr(body, "take_off", lambda each=body: each.go_to(1.0, 1.0))
+            goes = partial(body.go_to, 1.0, 1.0) if sim.bodies.flight is None else body.take_off
             (body.wander, body.tumble, goes)[number % 3]()
         for _ in range(40):
             sim.step()

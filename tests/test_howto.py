@@ -50,7 +50,7 @@ CONFIGURED = '"address": "{}", "port": {}'
 """The same in the settings of a small computer."""
 SAID = "udp://239.255.83.76:47123?interface=lo"
 URI = f"udp://{GROUP}:{{}}?interface=lo"
-LISTENS = re.compile(r"--port (\d+)")
+LISTENS = re.compile(r"--port ([1-9]\d*)")
 """A port of this computer at which a page lets a program listen; ours takes one that is free."""
 TOO_LATE = re.compile(
     "silent [1-9]|cannot say [1-9]|no robot (was heard|has told of)|none of (the [0-9]+ robots|them knows)"

@@ -22,9 +22,10 @@ from bridges.mind import PATIENCE, Talking
 from channel.test_udp import free_port
 from cli.calling import called
 from sleepcast.bridges import BodyError, OutOfReachError, open_robot
-from sleepcast.bridges.crazyflie.quadcopter import LOCK, CrazyflieBody
+from sleepcast.bridges.crazyflie.quadcopter import CrazyflieBody
 from sleepcast.bridges.crazyflie.radio import EMERGENCY_STOP, RadioGoneError, SharedRadio, stop_all_by_port
 from sleepcast.core.errors import MisuseError
+from sleepcast.robot.hovering import LOCKED_MOTORS
 
 FIRST, SECOND = "E7E7E7E701", "E7E7E7E702"
 
@@ -123,13 +124,13 @@ def test_two_programs_share_a_radio_and_what_is_lost_comes_back_by_itself(port: 
         radio.say(f"back {SECOND}")
         radio.wait_for(f"{SECOND} is within reach again")
         until(lambda: not first.lost and not second.lost)
-        hear(second, "the body is within reach again, and at rest until a command moves it", LOCK)
+        hear(second, "the body is within reach again, and at rest until a command moves it", LOCKED_MOTORS)
         until(lambda: sensed(second, "flying") == 0.0)
         with pytest.raises(MisuseError, match="switch it off and on before it flies again"):
             second.take_off(0.3)
         second.cut_all_motors()
         radio.wait_for(f"{FIRST} cuts its motors")
-        hear(first, LOCK)
+        hear(first, LOCKED_MOTORS)
         until(lambda: sensed(first, "flying") == 0.0)
         radio.say("unplug")
         until(lambda: first.lost and second.lost)

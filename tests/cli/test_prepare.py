@@ -21,7 +21,7 @@ import sys
 from sleepcast.api.assembly import assemble, warm_up
 from sleepcast.simulator import Changes, find_scenario, scenario_names
 
-changes = {"crowd": Changes(robots=6_000), "stop": Changes(), "calibrate": Changes()}
+changes = {"crowd": Changes(robots=6_000), "stop": Changes(), "calibrate": Changes(), "rehearsal": Changes()}
 for name in scenario_names():
     scenario = find_scenario(name, changes.get(name, Changes(robots=60)))
     warm_up(scenario, 2)

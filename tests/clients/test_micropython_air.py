@@ -617,9 +617,9 @@ def test_a_member_stays_while_it_is_renewed_and_no_longer(bidder: Desk) -> None:
     found = bidder.choose("(BEST 1 (* 2 id) (> fuel 50%) (JOIN red) :lease 1s)", seconds=3.0)
     assert (found["outcome"], found["fault"]) == ("matched", None)
     assert {bid.cost for bid in bidder.bids} == {18.0}
-    beats = [bid.beat for bid in bidder.bids]
-    assert beats == sorted({*beats})
-    assert bidder.bids[-1].phase is BidPhase.MEMBER
+    by_beat = {bid.beat: bid for bid in bidder.bids}  # datagrams may overtake each other
+    assert len(by_beat) == len(bidder.bids)
+    assert by_beat[max(by_beat)].phase is BidPhase.MEMBER
     until(lambda: not is_in(bidder, "red"))
 
 

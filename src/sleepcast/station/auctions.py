@@ -20,7 +20,7 @@ class DeskAuctions:
 
     def __init__(self, say: Callable[[dict[str, object], float], None]) -> None:
         self._say = say
-        self._running: dict[tuple[str, int, int], Auctioneer] = {}
+        self.running: dict[tuple[str, int, int], Auctioneer] = {}
         """By the sender of the poll, his epoch, and its number."""
 
     def begin(self, command: Command, auction: Auction) -> None:
@@ -31,7 +31,7 @@ class DeskAuctions:
 
     def go_on(self, commands: Iterable[Command], now: float) -> None:
         """Run those of these commands, and no others."""
-        self._running = {}
+        self.running = {}
         for command in commands:
             if command.auctioneer is not None and not command.auctioneer.is_over(now):
                 self._run(command)
@@ -39,31 +39,31 @@ class DeskAuctions:
     def _run(self, command: Command) -> None:
         message, auctioneer = command.message, command.auctioneer
         assert auctioneer is not None
-        self._running[message.sender, message.epoch, message.sequence] = auctioneer
-        if len(self._running) > MAX_AUCTIONS:
-            self._running.pop(next(iter(self._running))).end()
+        self.running[message.sender, message.epoch, message.sequence] = auctioneer
+        if len(self.running) > MAX_AUCTIONS:
+            self.running.pop(next(iter(self.running))).end()
 
     def hear(self, message: Message, now: float) -> None:
         """Take in a bid, if this is one for us."""
         said = BidMessage.of(message.body) if message.role in (Role.ROBOT, "") else None  # nobody signs: no roles
-        auctioneer = None if said is None else self._running.get((said.caller, said.epoch, said.number))
+        auctioneer = None if said is None else self.running.get((said.caller, said.epoch, said.number))
         if said is not None and auctioneer is not None:
             auctioneer.hear(message.sender, message.epoch, said, now)
 
     def attend(self, now: float) -> None:
         """Say what is due."""
-        for poll, auctioneer in tuple(self._running.items()):
+        for poll, auctioneer in tuple(self.running.items()):
             if (grants := auctioneer.step(now)) is not None:
                 self._say(grants.body(), now)
             if auctioneer.is_over(now):
-                self._running.pop(poll, None)
+                self.running.pop(poll, None)
 
     def due(self, now: float) -> float:
         """When there is something to be said, s."""
-        return min((auctioneer.due(now) for auctioneer in tuple(self._running.values())), default=inf)
+        return min((auctioneer.due(now) for auctioneer in tuple(self.running.values())), default=inf)
 
     def end(self) -> None:
         """Say nothing more: somebody has stopped the robots."""
-        ended, self._running = self._running, {}
+        ended, self.running = self.running, {}
         for auctioneer in ended.values():
             auctioneer.end()

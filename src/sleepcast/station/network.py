@@ -515,7 +515,8 @@ class NetworkStation(Station):
     def due(self) -> float:
         """When there is something to be sent again, or a heartbeat, s of Unix time."""
         beat = self._beat + LEASE / 3.0 if self.holding and self._drives() else inf
-        return min(beat, self.auctions.due(self._clock.now()), self._retransmission.due(), self._rest_watch.due)
+        auction = self.auctions.due(self._clock.now()) if self.auctions.running else inf
+        return min(beat, auction, self._retransmission.due(), self._rest_watch.due)
 
     def conclude(self) -> None:
         """Write the results of all commands into the journal, before the desk leaves the air."""
@@ -637,7 +638,8 @@ class NetworkStation(Station):
             now = self._clock.now()
             self._attend_names(now)
             self._retransmission.attend(now)
-            self.auctions.attend(now)
+            if self.auctions.running:
+                self.auctions.attend(now)
             self._watch_rest(now)
             if self.holding and self._drives() and now - self._beat >= LEASE / 3.0:
                 self._beat = now

@@ -458,7 +458,8 @@ class Station:
             if self.holding and self._heartbeat < now - self._beat:
                 self._beat = now
                 self._outbox(self._compose(Kind.HEARTBEAT, now, now + self._heartbeat, "", False, {}))
-            self.auctions.attend(now)
+            if self.auctions.running:
+                self.auctions.attend(now)
             silent, latest = self._sent.silent(now), self._sent.latch
             if latest is not None and silent and not self._sent.stop_ended_by(desk._sent for desk in self.beside):
                 latest.last_sent = now

@@ -7,6 +7,7 @@ each; who wants items asks for each. What is not answered is said again, for a w
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from math import isfinite
 from typing import Any
@@ -44,7 +45,7 @@ class Party(NamedTuple):
     component: int
 
 
-class Transfer:
+class Transfer(ABC):
     """See the module. failed: why it has, "" while it has not; done: whether it has succeeded."""
 
     def __init__(self, link: MavlinkConnection, party: Party, kind: int, now: float) -> None:
@@ -77,18 +78,18 @@ class Transfer:
         elif self.answered(kind, message):
             self._again, self._end = now + AGAIN, now + SECONDS
 
+    @abstractmethod
     def repeat(self) -> None:
         """Say again what has no answer."""
-        raise NotImplementedError
 
     def acknowledged(self, result: int) -> None:
         """The vehicle has ended it."""
         if result not in (ACCEPTED, INVALID_SEQUENCE):  # a repeated item is out of order, and harmless
             self.failed = RESULTS[result] if result < len(RESULTS) else f"result {result}"
 
+    @abstractmethod
     def answered(self, kind: str, message: Any) -> bool:
         """Take another message; whether it brings the transfer on."""
-        raise NotImplementedError
 
     @property
     def _to(self) -> tuple[int, int]:

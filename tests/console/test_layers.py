@@ -165,6 +165,17 @@ async () => {
   what.robots = false;
   const plain = look();
   what.robots = true;
+  const row = (apart) => {
+    const frame = { count: 10, poses: new Float32Array(30), groups: new Uint8Array(10) };
+    for (let i = 0; i < 10; i += 1) frame.poses.set([20 + apart * i, 500, 0], 3 * i);
+    const few = { ...what, frame, picked: null, marks: { chosen: -1, pointed: -1 }, scene: { ...scene, places: [] } };
+    const names = new Labels().arrange(view, few, wide);
+    const middles = Array.from({ length: 10 }, (_, i) => [view.toScreenX(20 + apart * i), view.toScreenY(500)]);
+    const hidden = middles.filter(([x, y]) =>
+      names.some((name) => x > name.x - 5 && x < name.x + wide(name.text) + 5 && Math.abs(y - name.y) < 9 + 5));
+    return [names.length, hidden.length];
+  };
+  const rows = [30, 100].map((apart) => row(apart));
   const pen = Object.assign(document.createElement("canvas"), { width: 1200, height: 800 }).getContext("2d");
   const times = [];
   for (let step = 0; step < 120; step += 1) {
@@ -174,7 +185,7 @@ async () => {
     labels.draw(pen, view, what);
     times.push(performance.now() - begun);
   }
-  return { far, lost, zoomed, plain, over: [...panned, ...zoomed].filter(({ over }) => over).length, times };
+  return { far, lost, zoomed, plain, rows, over: [...panned, ...zoomed].filter(({ over }) => over).length, times };
 }
 """
 
@@ -191,6 +202,9 @@ def test_names_thin_out_and_stay_while_the_map_moves(bare: Page) -> None:
     assert max(numbers) > 35
     assert max(abs(after - before) for before, after in pairwise(numbers)) < 12  # by and by
     assert found["plain"]["texts"] == ["robot555", "home"]
+    (named, hidden), beside = found["rows"]
+    assert 3 <= named < 10 and not hidden  # names of few robots hide none of them
+    assert beside == [10, 0]
     assert sorted(found["times"])[len(found["times"]) // 2] < 1.0  # ms a frame
 
 

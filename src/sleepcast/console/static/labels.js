@@ -1,5 +1,6 @@
 // The names on the map: of places, lights, areas, groups and robots. No two lie over each other. The farther away one is, the
 // fewer robots have theirs; those that had it keep it while there is room, so that nothing flickers as one moves the map.
+// Among few robots a name hides none: it stands beside its robot, or above it.
 
 import { GLOW } from "./ground.js";
 import { inkOf, lookOfGroup } from "./shapes.js";
@@ -19,7 +20,7 @@ const FONTS = { place: [13, 600], light: [13, 600], area: [12, 600], group: [12,
 export class Labels {
   constructor() {
     this.sprites = new Sprites();
-    this.shown = new Set(); // robots that have their names
+    this.shown = new Map(); // robots that have their names, and whether these stand above them
     this.names = null; // those of the scene that `shown` is of
   }
 
@@ -47,13 +48,22 @@ export class Labels {
       labels.push({ text, font, colour, x, y });
       return true;
     };
-    const robot = (i, kind, colour, gap) => {
-      const x = view.toScreenX(frame.poses[3 * i]) + what.sizes(i) + 9;
+    const pixels = (i) => [view.toScreenX(frame.poses[3 * i]), view.toScreenY(frame.poses[3 * i + 1])];
+    // Gives whether the name stands above the robot; null if there is no room. above: where it stood. others: robots that it must
+    // not hide; only an answer may.
+    const robot = (i, kind, colour, gap, above = false, others = []) => {
       const answer = what.replies?.of(i);
       const text = [...(what.robots || kind === "chosen" ? [scene.names[i]] : []), ...(answer ? [answer] : [])].join("  ");
-      if (!text) return false;
+      if (!text) return null;
       const look = answer ? ["answer", colours.ink] : [kind, colour];
-      return put(text, ...look, x, view.toScreenY(frame.poses[3 * i + 1]), gap);
+      const [x, y, wide] = [...pixels(i), width(text, fontOf(...FONTS[look[0]]))];
+      const seen = answer ? [] : others;
+      const hides = (left, middle) => seen.some((j) => j !== i && lies(...pixels(j), what.sizes(j), left, middle, wide, half));
+      for (const up of seen.length ? [above, !above] : [false]) {
+        const at = up ? [x - wide / 2, y - what.sizes(i) - half - 2] : [x + what.sizes(i) + 9, y];
+        if (!hides(...at) && put(text, ...look, ...at, gap)) return up;
+      }
+      return null;
     };
 
     const { chosen } = marks;
@@ -76,21 +86,29 @@ export class Labels {
   // Give robots their names: first who is pointed at or selected, then who had one, then others by their number.
   some(view, { frame, marks, picked, colours }, robot) {
     const seen = inSight(view, frame, MAX);
-    if (!seen) return new Set();
+    if (!seen) return new Map();
+    const few = seen.length <= ALL ? seen : []; // whom no name may hide
     const most = Math.max(1, Math.floor(seen.length <= ALL ? ALL : ALL * (ALL / seen.length) ** THINNING));
-    const now = new Set();
-    const give = (i, limit, gap) => {
-      if (now.size < limit && i !== marks.chosen && !now.has(i) && robot(i, "robot", colours.quiet, gap)) now.add(i);
+    const now = new Map();
+    const give = (i, limit, gap, others) => {
+      if (now.size >= limit || i === marks.chosen || now.has(i)) return;
+      const above = robot(i, "robot", colours.quiet, gap, this.shown.get(i), others);
+      if (above !== null) now.set(i, above);
     };
     const first = (i) => i === marks.pointed || picked?.[i] === 1;
-    for (const i of seen) if (first(i)) give(i, SLACK * most, this.shown.has(i) ? 0 : GAP);
-    for (const i of seen) if (this.shown.has(i)) give(i, SLACK * most, 0);
+    for (const i of seen) if (first(i)) give(i, SLACK * most, this.shown.has(i) ? 0 : GAP, []);
+    for (const i of seen) if (this.shown.has(i)) give(i, SLACK * most, 0, few);
     for (const i of seen) {
       if (now.size >= most) break;
-      give(i, most, GAP);
+      give(i, most, GAP, few);
     }
     return now;
   }
+}
+
+// Whether a robot lies under a name, both in pixels: the middle of the robot, and the left end and the middle of the name.
+function lies(x, y, size, left, middle, wide, half) {
+  return x + size > left - 2 && x - size < left + wide + 2 && Math.abs(y - middle) < half + size;
 }
 
 function hits(boxes, left, top, right, bottom) {

@@ -180,22 +180,29 @@ class Found:
 
 
 @contextmanager
-def opened(robots: int, *options: str) -> Iterator[tuple[Program, Page]]:
-    """Bravo's page, with time running, a robot chosen and everything shown that there is; and the program behind it."""
+def visited(address: str, script: str) -> Iterator[Page]:
+    """The page at this address in a browser of its own, where the script has run before any other."""
     from playwright.sync_api import sync_playwright
 
-    arguments = ("demo", "bravo", "--robots", str(robots), "--seed", "7", "--run", *options)
-    with Program(*arguments) as program, sync_playwright() as playwright:
+    with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium(), args=QUIET)
         page = browser.new_page(viewport={"width": 1440, "height": 900}, color_scheme="light")
         page.set_default_timeout(1000 * PATIENCE)
-        page.add_init_script(LISTEN)
-        page.goto(program.address)
+        page.add_init_script(script)
+        page.goto(address)
+        yield page
+        browser.close()
+
+
+@contextmanager
+def opened(robots: int, *options: str) -> Iterator[tuple[Program, Page]]:
+    """Bravo's page, with time running, a robot chosen and everything shown that there is; and the program behind it."""
+    arguments = ("demo", "bravo", "--robots", str(robots), "--seed", "7", "--run", *options)
+    with Program(*arguments) as program, visited(program.address, LISTEN) as page:
         page.wait_for_function("() => window.__page.drawn > 3")
         page.locator("#map").focus()
         page.keyboard.press("ArrowRight")
         yield program, page
-        browser.close()
 
 
 def show(page: Page, pane: str) -> None:
@@ -350,26 +357,18 @@ def flying(count: int, frames: int) -> Found:
 @contextmanager
 def replayed(folder: Path, count: int) -> Iterator[Page]:
     """A page that replays so many copters, forty new pictures a second, with the view open and at its size."""
-    from playwright.sync_api import sync_playwright
-
     (folder / "scenario.toml").write_text(COPTERS.format(count=count, side=round((EACH * count) ** 0.5)))
     (folder / "fly.sleep").write_text(FLY)
     file = folder / "run.mcap"
     record = ("run", folder, "--quiet", "--record", file, "--record-pictures", "0.1s")
     subprocess.run([sys.executable, "-m", "sleepcast", *record], check=True, stdout=subprocess.DEVNULL)
-    with Program("replay", file, "--speed", "4") as program, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium(), args=QUIET)
-        page = browser.new_page(viewport={"width": 1440, "height": 900}, color_scheme="light")
-        page.set_default_timeout(1000 * PATIENCE)
-        page.add_init_script(TIMED)
-        page.goto(program.address)
+    with Program("replay", file, "--speed", "4") as program, visited(program.address, TIMED) as page:
         page.wait_for_function("() => window.__times.length > 0")
         page.locator("#space").click()
         page.evaluate(f"() => Object.assign(document.querySelector('.space').style, {ROOM})")
         page.wait_for_function("() => document.getElementById('space-over').width === 1280")
         page.wait_for_function(AGAIN, arg=10)
         yield page
-        browser.close()
 
 
 def processor_of(kind: str) -> float:

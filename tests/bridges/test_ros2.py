@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import replace
 from functools import partial
-from math import degrees, inf, isclose, isnan, nan, pi, remainder
+from math import cos, degrees, hypot, inf, isclose, isnan, nan, pi, remainder, sin
 from pathlib import Path
 
 import pytest
@@ -30,6 +30,7 @@ from sleepcast.bridges.ros2.messages import MAX_RAYS, Bool, LaserScan, Odometry,
 from sleepcast.bridges.ros2.robot import SILENT, Ros2Body, body_on, ros_place
 from sleepcast.core.clock import Clock, ManualClock, WallClock
 from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.model import RestState
 from sleepcast.robot import Limits, Setpoint
 from sleepcast.testing.robot_contract import BridgeContract, BridgeRig
 
@@ -115,6 +116,91 @@ class TestRos2(BridgeContract):
     @pytest.fixture
     def rig(self, robot: FakeRobot) -> BridgeRig:
         return rig_of(robot)
+
+
+class FakeOmni(FakeRobot):
+    """The same on mecanum wheels."""
+
+    def __init__(self, clock: Clock) -> None:
+        super().__init__(clock)
+        self.side = 0.0
+
+    def heard(self) -> Mapping[str, TopicReading]:
+        found = dict(super().heard())
+        if ODOM in found:
+            odom = found[ODOM]
+            found[ODOM] = TopicReading(odom.stamp, (*odom.values, self.side))
+        return found
+
+    def say(self, topic: str, values: Mapping[str, float], now: float) -> None:
+        super().say(topic, values, now)
+        if self.whole and topic == MAPPING.drive.topic:
+            self.side = values["side_speed"]
+
+    def advance(self, seconds: float) -> None:
+        super().advance(seconds)
+        self.x -= self.side * sin(self.heading) * seconds
+        self.y += self.side * cos(self.heading) * seconds
+
+
+def omni_rig(clock: ManualClock, tmp_path: Path) -> tuple[BridgeRig, FakeOmni]:
+    """A TurtleBot with mecanum wheels."""
+    file = tmp_path / "omni.toml"
+    text = TURTLEBOT.read_text(encoding="utf-8").replace(
+        '= "turn_rate" }', '= "turn_rate", side_speed = "side_speed" }', 1
+    )
+    file.write_text(text.replace("drive_turn = ", 'drive_side = "side_speed", drive_turn = '), encoding="utf-8")
+    robot = FakeOmni(clock)
+    body = Ros2Body(robot, read_mapping(file, "/scout3"), clock=clock, epoch=clock.now)
+    body.measure()
+
+    def cut() -> None:
+        robot.whole, robot.speed, robot.turn_rate, robot.side = False, 0.0, 0.0, 0.0
+
+    def mend() -> None:
+        robot.whole = True
+
+    return BridgeRig(body, clock, robot.advance, cut, mend, resolution=1e-6), robot
+
+
+class TestOmni(BridgeContract):
+    @pytest.fixture
+    def rig(self, clock: ManualClock, tmp_path: Path) -> BridgeRig:
+        return omni_rig(clock, tmp_path)[0]
+
+
+def test_a_robot_on_mecanum_wheels_drives_to_its_side_within_the_limits_of_the_vector(
+    clock: ManualClock, tmp_path: Path
+) -> None:
+    rig, robot = omni_rig(clock, tmp_path)
+    assert [each.name for each in rig.body.model.actuators] == ["drive_speed", "drive_turn", "drive_side"]
+    rig.body.act(Setpoint(0.0, 0.0, 0.1))
+    rig.wait(1.0)
+    assert (robot.speed, robot.side, rig.sensed()["side_speed"]) == pytest.approx((0.0, 0.1, 0.1))
+    rig.body.act(Setpoint(speed=3.0, side=-4.0))
+    before = robot.speed, robot.side
+    for _ in range(30):
+        rig.wait(0.1)
+        assert hypot(robot.speed - before[0], robot.side - before[1]) <= 0.5 * 0.1 * 1.001
+        before = robot.speed, robot.side
+    assert before == pytest.approx((0.2 / 2**0.5, -0.2 / 2**0.5), rel=0.05), "each speed is bounded, then the vector"
+    state = rig.body.rest_state()
+    assert state is not None
+    assert state.speed == pytest.approx(0.2, rel=0.05)
+    rig.body.stop()
+    rig.wait(1.0)
+    assert robot.said[-1] == ("/scout3/cmd_vel", (0.0, 0.0, 0.0))
+    assert rig.body.rest_state() == RestState(0.0, 0.0)
+
+
+@pytest.mark.parametrize("side", [0.2, -0.2])
+def test_its_fence_is_watched_to_the_side_as_well(clock: ManualClock, tmp_path: Path, side: float) -> None:
+    rig, robot = omni_rig(clock, tmp_path)
+    rig.body.narrow(Limits(1.0, 1.0, 1.0, fence=(-2.0, -1.0, 2.0, 1.0)))
+    rig.body.act(Setpoint(0.0, 0.0, side))
+    rig.wait(10.0)
+    assert 0.7 < abs(robot.y) <= 1.0
+    assert "its fence is ahead" in "".join(rig.body.complaints())
 
 
 def drive(rig: BridgeRig) -> None:

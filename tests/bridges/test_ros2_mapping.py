@@ -60,6 +60,12 @@ def test_units_switches_and_absolute_topics(tmp_path: Path) -> None:
     assert found.sensors()[0].high == inf
 
 
+def test_a_robot_that_drives_in_every_direction_has_a_third_name(tmp_path: Path) -> None:
+    found = mapping_of(tmp_path, HEAD + ODOM + DRIVE.replace(" }", ', drive_side = "side_speed km/h" }'))
+    assert [field.name for field in found.drive.fields] == ["drive_speed", "drive_turn", "drive_side"]
+    assert [(each.name, each.high) for each in found.actuators()][2:] == [("drive_side", 1.0)]
+
+
 def test_functions_publish_what_they_are_given(tmp_path: Path) -> None:
     stop = '[out.lock]\ntype = "Bool"\nvalues = { stopped = "data" }\n'
     level = '[out.level]\ntype = "BatteryState"\nfunction = "LEVEL"\nvalues = { x = "percentage %" }\n'
@@ -94,6 +100,11 @@ def test_functions_publish_what_they_are_given(tmp_path: Path) -> None:
         (HEAD + ODOM.replace("odom]", '"od om"]') + DRIVE, '"od om" is no topic of ROS 2'),
         (HEAD + ODOM + DRIVE.replace("drive_turn", "w").replace("turn_rate", "side_speed"), "unit of a rate"),
         (HEAD + ODOM + DRIVE.replace("turn_rate deg/s", "side_speed"), "one for speed and one for turn_rate"),
+        (
+            HEAD + ODOM + DRIVE.replace(" }", ', aside = "side_speed" }'),
+            'to its side is called drive_side, not "aside"',
+        ),
+        (HEAD + ODOM + DRIVE.replace(" }", ', drive_side = "speed" }'), "and perhaps one for side_speed"),
         (HEAD + ODOM + '[in."/a/b/odom"]\ntype = "Bool"\nvalues = { b = "data" }\n' + DRIVE, "is there twice"),
         (HEAD + ODOM + 'qos = "best"\n' + DRIVE, "wanted one of sensor, reliable, latched"),
         (HEAD + ODOM + 'turned = "1rad"\n' + DRIVE, "in.odom.turned: unknown key"),

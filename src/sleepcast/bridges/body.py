@@ -12,8 +12,8 @@ Everything that moves the robot is a `Motion` that goes through `move`, and each
     STOP, hold  the body rests, whatever is asked
     limits      speed and turn rate are brought within them, changes of speed are spread over time; what would pass the
                 fence, or come too near to something, becomes rest. A body that does not know where it is stands, if it
-                has a fence. What hovers has a speed to its side and a climb rate, too: the first two are one vector of
-                speed, and it climbs no faster than it can come to rest before its floor and its ceiling
+                has a fence. What moves to its side has two speeds over the ground, which are one vector; what hovers
+                climbs no faster than it can come to rest before its floor and its ceiling
     reach       a robot that is gone is looked for again and again, ever less often. Meanwhile what is asked is refused;
                 when it is back, the body is at rest, and nothing old resumes. What a bridge does not expect of its
                 robot counts as that, so that the I/O thread goes on
@@ -78,8 +78,8 @@ class Motion:
     """What a body is to do.
 
     sort: its type: "rest", "speeds", of what hovers "climb", or one of the bridge's own.
-    values: of "speeds", speed in m/s and turn rate in rad/s, and of what hovers its speeds to its left and upwards,
-        m/s; of "climb", that upwards alone.
+    values: of "speeds", speed in m/s and turn rate in rad/s, of what moves to its side that to its left, and of what
+        hovers that upwards, m/s; of "climb", that upwards alone.
     """
 
     sort: str
@@ -112,7 +112,7 @@ class BridgedBody(ABC):
 
     def __init__(self, model: RobotModel, *, clock: Clock | None = None, in_step: bool = False) -> None:
         self.model, self._clock, self._in_step = model, clock or WallClock(), in_step
-        self._hovers = model.hovers
+        self._hovers, self._is_omni = model.hovers, model.is_omni
         self._lock = Lock()
         """Held to change what follows; never while anybody waits for the robot."""
         self._motion = self.failsafe = REST
@@ -130,10 +130,10 @@ class BridgedBody(ABC):
         self._attended = self._heard = self._clock.now()
         self._looks_every = 0.0
         """Seconds between the mind's last two looks."""
-        self._at_rest: tuple[float, ...] = (0.0,) * (3 if self._hovers else 1)
+        self._at_rest: tuple[float, ...] = (0.0,) * (1 + self._is_omni + self._hovers)
         self._going: tuple[float, ...] = self._at_rest
         self._paced = nan
-        """What the robot was last told, m/s ahead, and of what hovers to its left and upwards, and when."""
+        """What the robot was last told, m/s ahead, and as far as it moves so to its left and upwards, and when."""
         self._kept_back, self._kept_at = "", -inf
         """Why the limits last brought it to rest, and when."""
         self._wake, self._ending, self._given_up = Event(), False, in_step
@@ -174,7 +174,7 @@ class BridgedBody(ABC):
         return motion
 
     def drift_measured(self) -> tuple[float, float]:
-        """Of what hovers, how fast it goes along its heading and to its left, m/s; NaN for unknown."""
+        """Of what moves to its side, how fast it goes along its heading and to its left, m/s; NaN for unknown."""
         return self._sensed().get("speed", nan), 0.0
 
     def nearest(self, first: float, last: float) -> float:
@@ -226,16 +226,16 @@ class BridgedBody(ABC):
         speed = speed if isnan(wanted.speed) else wanted.speed
         turn = turn if isnan(wanted.turn_rate) else wanted.turn_rate
         with suppress(OutOfReachError):
-            if not self._hovers:
+            if not self._is_omni:
                 self.drive(speed, turn)
                 return
-            side, climb = motion.values[2:] if course else (0.0, 0.0)
+            side, climb, *_ = (*(motion.values[2:] if course else ()), 0.0, 0.0)
             side, climb = side if isnan(wanted.side) else wanted.side, climb if isnan(wanted.climb) else wanted.climb
             self.fly(speed, turn, side, climb)
 
     def drive(self, speed: float, turn_rate: float) -> None:
         """Drive on at this speed (m/s) and turn rate (rad/s), as far as the limits allow."""
-        if self._hovers:
+        if self._is_omni:
             self.fly(speed, turn_rate, 0.0, 0.0)
             return
         most = self.model.limits
@@ -243,12 +243,14 @@ class BridgedBody(ABC):
         self.move(Motion("speeds", (speed, turn_rate)) if speed or turn_rate else REST)
 
     def fly(self, speed: float, turn_rate: float, side: float, climb: float) -> None:
-        """Of what hovers: fly on at these speeds ahead, to its left and upwards (m/s), and at this turn rate (rad/s),
-        as far as the limits allow: the speed that they limit is that over the ground, in whatever direction."""
+        """Of what moves to its side: go on at these speeds ahead, to its left and, if it hovers, upwards (m/s), and at
+        this turn rate (rad/s), as far as the limits allow: the speed that they limit is that over the ground, in
+        whatever direction."""
         most = self.model.limits
         speed, side = clamped(speed, most.speed), clamped(side, most.speed)
         share = max(1.0, hypot(speed, side) / most.speed)
-        values = (speed / share, clamped(turn_rate, most.turn_rate), side / share, clamped(climb, most.climb))
+        values: tuple[float, ...] = (speed / share, clamped(turn_rate, most.turn_rate), side / share)
+        values += (clamped(climb, most.climb),) if self._hovers else ()
         self.move(Motion("speeds", values) if any(values) else REST)
 
     def climb(self, speed: float) -> None:
@@ -478,17 +480,17 @@ class BridgedBody(ABC):
         known = self._sensed()
         x, y, heading, speed, turning = (known.get(n, nan) for n in ("x", "y", "heading", "speed", "turn_rate"))
         wanted, turn = course
-        side = motion.values[2] if self._hovers else 0.0
+        side = motion.values[2] if self._is_omni and motion.sort == "speeds" else 0.0
         if self.model.limits.are_fenced and isnan(x + y + heading):
             return "it does not know where it is, and has a fence" if wanted or side else ""
         turn = max(abs(turn), 0.0 if isnan(turning) else abs(turning))
         going = self.model.limits.speed if isnan(speed) else speed
-        ways = self._ways(wanted, side) if self._hovers else [(0.0, going, wanted)]
+        ways = self._ways(wanted, side) if self._is_omni else [(0.0, going, wanted)]
         return next(filter(None, (self._what_is_ahead((x, y, heading), turn, *way) for way in ways)), "")
 
     def _ways(self, wanted: float, side: float) -> list[tuple[float, float, float]]:
-        """In which directions what hovers goes and wants to go, rad from its heading, and how fast it does and wants
-        to, m/s. On its way from one to the other it is on no side faster than in one of them."""
+        """In which directions what moves to its side goes and wants to go, rad from its heading, and how fast it does
+        and wants to, m/s. On its way from one to the other it is on no side faster than in one of them."""
         ahead, left = self.drift_measured()
         drift, speed = hypot(ahead, left), hypot(wanted, side)
         ways = []

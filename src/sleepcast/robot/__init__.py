@@ -230,6 +230,11 @@ class RobotModel:
     outlines: tuple[MapOutline, ...] = ()
 
     @property
+    def is_omni(self) -> bool:
+        """Whether it moves to its side, too, as `Setpoint.side` asks: what hovers, and some that drive."""
+        return any(actuator.name == "drive_side" for actuator in self.actuators)
+
+    @property
     def hovers(self) -> bool:
         """Whether it moves in all directions, as `Setpoint.side` and `Setpoint.climb` ask."""
         return any(actuator.name == "drive_climb" for actuator in self.actuators)
@@ -247,7 +252,7 @@ class Reading:
 @dataclass(frozen=True, slots=True)
 class Setpoint:
     """How a mind wants its body to move: speed ahead in m/s, turn_rate in rad/s; what hovers also moves to its left
-    (side) and upwards (climb), m/s. NaN leaves that one as it is."""
+    (side) and upwards (climb), m/s, and some bodies on the ground move to their left. NaN leaves that one as it is."""
 
     speed: float = nan
     turn_rate: float = nan

@@ -140,6 +140,8 @@ TYPES: Mapping[str, Mapping[str, Value]] = {
 """Types of messages, and the values in each."""
 DRIVES = ("Twist", "TwistStamped")
 """Types that a robot can be driven by."""
+DRIVE_SIDE = "drive_side"
+"""The name that a speed to the side has on every robot that is driven so."""
 STOPPED = "stopped"
 """The name that the topic for STOP has."""
 FRAMES = {"PoseStamped": "map", "Odometry": "odom"}
@@ -235,12 +237,13 @@ class RobotMapping:
         )
 
     def actuators(self) -> tuple[Quantity, ...]:
-        """Speed and turn rate, within the limits."""
-        speed, turn = self.drive.fields
+        """Speed and turn rate, and the speed to its left of what drives in every direction, within the limits."""
+        speed, turn, *side = self.drive.fields
         most, fastest = self.limits.speed, self.limits.turn_rate
         return (
             Quantity(speed.name, "m/s", -most, most, doc="drives ahead at this speed"),
             Quantity(turn.name, "rad/s", -fastest, fastest, doc="turns at this rate", shown_as="deg/s"),
+            *(Quantity(DRIVE_SIDE, "m/s", -most, most, doc="drives to its left at this speed") for _ in side),
         )
 
 
@@ -328,9 +331,14 @@ class _MappingReader:
                     raise table.error("values", wanted)
                 return CommandTopic(full_name, topic, type_, fields)
             by_value = {field.value: field for field in fields}
-            if by_value.keys() != {"speed", "turn_rate"} or len(fields) != 2:
-                raise table.error("values", "wanted two names, one for speed and one for turn_rate")
-            return CommandTopic(full_name, topic, type_, (by_value["speed"], by_value["turn_rate"]), frame=BASE)
+            if by_value.keys() - {"side_speed"} != {"speed", "turn_rate"} or len(by_value) < len(fields):
+                wanted = "wanted two names, one for speed and one for turn_rate, and perhaps one for side_speed"
+                raise table.error("values", wanted)
+            side = by_value.get("side_speed")
+            if side is not None and side.name.casefold() != DRIVE_SIDE:
+                raise table.error("values", f'what drives it to its side is called {DRIVE_SIDE}, not "{side.name}"')
+            driven = (by_value["speed"], by_value["turn_rate"], *((side,) if side else ()))
+            return CommandTopic(full_name, topic, type_, driven, frame=BASE)
 
     def _function(self, table: Table, topic: str, name: str, type_: str) -> CommandTopic:
         function = checked_name(table, table.text("function"), "function")

@@ -22,7 +22,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import KW_ONLY
 from functools import partial
-from math import inf, isfinite, isnan, nan, pi
+from math import hypot, inf, isfinite, isnan, nan, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -147,7 +147,7 @@ class Ros2Body(BridgedBody):
                 self._goal = motion
             self._lock_others(self._stopped)
         else:
-            self._tell(*(motion.values if motion.sort == "speeds" else (0.0, 0.0)))
+            self._tell(*(motion.values if motion.sort == "speeds" else self._standstill))
 
     def course(self, motion: Motion) -> tuple[float, float] | None:
         """Of a goal: what its planner has it do now."""
@@ -157,6 +157,19 @@ class Ros2Body(BridgedBody):
         known = {} if self.stale else dict(zip(self._quantities, self.reading().values, strict=True))
         measured = known.get("speed", nan), known.get("turn_rate", nan)
         return most.speed if isnan(measured[0]) else measured[0], most.turn_rate if isnan(measured[1]) else measured[1]
+
+    def drift_measured(self) -> tuple[float, float]:
+        return self._measured("speed"), self._measured("side_speed")
+
+    def course_measured(self) -> tuple[float, float]:
+        speed, turn_rate = super().course_measured()
+        return hypot(speed, self._measured("side_speed")) if self.model.is_omni else speed, turn_rate
+
+    def _measured(self, value: str) -> float:
+        """What a topic tells of this value, whatever its name; NaN for unknown."""
+        known = self._sensed()
+        names = (field.name for source in self._mapping.sources for field in source.fields if field.value == value)
+        return next((known[name] for name in names if name in known), nan)
 
     def measure(self) -> None:
         self._listen()
@@ -179,7 +192,7 @@ class Ros2Body(BridgedBody):
         super().round()
         if self._lost is not None:
             with suppress(*self.FAILURES, *self.REFUSALS):
-                self._tell(0.0, 0.0)
+                self._tell(*self._standstill)
                 before = self._pulse
                 self._listen()
                 if self._pulse > before:  # it is back: no need to wait for the next look
@@ -189,7 +202,7 @@ class Ros2Body(BridgedBody):
         self._stopped = True  # so that others who drive it let go, too
         try:
             for _ in range(LAST_WORDS):
-                self._tell(0.0, 0.0)
+                self._tell(*self._standstill)
         except (OutOfReachError, MisuseError) as error:
             self._lost = error
         self._link.close()
@@ -243,8 +256,13 @@ class Ros2Body(BridgedBody):
         now = self._simulated if self._sim_time else self._epoch()
         self._link.say(sink.topic, in_units, 0.0 if isnan(now) else now)
 
-    def _tell(self, speed: float, turn_rate: float) -> None:
-        self._say(self._mapping.drive, (speed, turn_rate))
+    @property
+    def _standstill(self) -> tuple[float, ...]:
+        """The values of a topic that drives it, at rest."""
+        return (0.0,) * len(self._mapping.drive.fields)
+
+    def _tell(self, *speeds: float) -> None:
+        self._say(self._mapping.drive, speeds)
         self._lock_others(self._stopped or self._goal is not None)
 
     def _lock_others(self, lock: bool) -> None:

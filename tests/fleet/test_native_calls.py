@@ -125,6 +125,50 @@ def test_rules_of_copters_are_the_same() -> None:
     assert run.simulator.heights.min() > 0.5, "all fly"
 
 
+YARD = """
+format = 2
+title = "those that drive to their side, and others"
+seconds = "1min"
+
+[world]
+width = "40m"
+height = "40m"
+
+[neighbours]
+reach = "10m"
+
+[[robots]]
+like = "omni"
+count = 9
+motion = "still"
+
+[[robots]]
+like = "OTHER"
+count = 9
+"""
+ASIDE = (
+    "(RULE aside (SETQ drive_side (* 0.05 (COUNT 9m))))",
+    "(RULE ahead (WHEN (= (MOD id 3) 0) (DRIVE 0.2m/s 10deg/s)))",
+    "(RULE rest (WHEN (< (RANDOM 0 1) 0.05) (ST)))",
+)
+
+
+@pytest.mark.parametrize("other", ["disc", "copter"])
+def test_rules_of_robots_that_drive_to_their_side_are_the_same(other: str) -> None:
+    found = []
+    text = YARD if other == "disc" else YARD.replace('like = "omni"', 'like = "omni"\nbody = { bumpers = 0 }')
+    for native in (False, True):
+        run = swarm(read_scenario(text.replace("OTHER", other)), native)
+        desk = desk_of(run)
+        for rule in (*ASIDE, "(WHEN (KNOWN z) (TAKEOFF 4m))") if other == "copter" else ASIDE:
+            desk.send(rule, everybody=True)
+        for _ in range(80):
+            run.step()
+        found.append(seen(run))
+    assert found[0] == found[1]
+    assert float(abs(run.simulator.bodies.side_speed[:9]).max()) > 0.1
+
+
 @pytest.mark.parametrize("errors", ERRORS)
 @pytest.mark.parametrize("edge", ["", 'edge = "torus"'])
 @given(texts=rules(), count=st.sampled_from([3, 130]), threads=st.integers(1, 2))

@@ -23,7 +23,7 @@ from sleepcast.simulator.bodies.population import Population, Turnover
 from sleepcast.simulator.bodies.proximity import Sonars
 from sleepcast.simulator.bodies.senses import Senses, functions_of
 from sleepcast.simulator.engine import Machine, choose, cores, keeps_kernels
-from sleepcast.simulator.motion import encoders, steps
+from sleepcast.simulator.motion import encoders, omni, steps
 from sleepcast.simulator.motion.driving import bounded
 from sleepcast.simulator.motion.steps import Displacement, Draws, Settled, clear
 from sleepcast.simulator.scenario.events import apply_events
@@ -350,6 +350,8 @@ class Robots(Sequence[Body]):
         moving = robots[free]
         bodies.mode[moving] = Mode.DRIVE
         bodies.wanted_speed[moving], bodies.wanted_turn[moving] = speed[free], turn_rate[free]
+        if bodies.scenario.robots.omni:
+            bodies.wanted_side[moving[bodies.omni[moving]]] = 0.0
 
     def go_to(self, robots: Whole, x: Floats, y: Floats, z: Floats | None = None) -> Results:
         if self.bodies.flight is not None:
@@ -459,7 +461,10 @@ def step(bodies: Bodies) -> None:
         bodies.flight.step()
         types = [(part, which) for part, which in types if part.scenario.robots.flight is None]
     for part, which in types:
-        machine.propose(part.columns, part.laws, draws, proposal.of(which))
+        if part.scenario.robots.omni:
+            omni.propose(part.columns, part.sides, part.laws, draws, proposal.of(which))
+        else:
+            machine.propose(part.columns, part.laws, draws, proposal.of(which))
     settled = Settled(free, bodies.hit_x, bodies.hit_y)
     if bodies.contact:
         bodies.contact.settle(bodies.x, bodies.y, proposal.dx, proposal.dy, settled)
@@ -467,7 +472,11 @@ def step(bodies: Bodies) -> None:
         clear(settled)
     for part, which in types:
         before = encoders.before_tick(part.columns, part.laws) if part.counts else None
-        machine.commit(part.columns, part.laws, proposal.of(which), Settled(*(each[which] for each in settled)))
+        ways, ends = proposal.of(which), Settled(*(each[which] for each in settled))
+        if part.scenario.robots.omni:
+            omni.commit(part.columns, part.sides, part.laws, ways, ends)
+        else:
+            machine.commit(part.columns, part.laws, ways, ends)
         if before is not None:
             encoders.count(part.columns, part.laws, before, free[which], part.uncounted, part.counts)
         if not part.laws.track and part is not bodies:  # odometry is separate where other types have wheels

@@ -5,8 +5,10 @@ Each reading first advances the world to the clock's time; without a clock it ad
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
-from math import inf, pi
+from functools import partial
+from math import atan2, hypot, inf, pi
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -150,7 +152,13 @@ class SafetyLimits:
         self._simulator, self._limits = simulator, limits
         self._headings = simulator.bodies.heading.copy()
         if limits.are_watched:
-            for moving in (simulator.bodies.speed, simulator.bodies.left, simulator.bodies.right):
+            bodies = simulator.bodies
+            for moving in (
+                bodies.speed,
+                bodies.left,
+                bodies.right,
+                *((bodies.side_speed,) if bodies.omni.all() else ()),
+            ):
                 moving[:] = 0.0
 
     def enforce(self) -> None:
@@ -163,11 +171,39 @@ class SafetyLimits:
         turning = np.where(bodies.swing != 0.0, bodies.limits.turn_rate, turning)
         change = np.abs(np.mod(bodies.heading - self._headings + pi, TURN) - pi)
         turning = np.maximum(np.abs(turning), change / tick)  # a body may still turn faster than it wants to
-        for i in np.flatnonzero(((driving != 0.0) | (bodies.speed != 0.0)) & ~bodies.stopped).tolist():
+        moves = (driving != 0.0) | (bodies.speed != 0.0) | bodies.omni
+        for i in np.flatnonzero(moves & ~bodies.stopped).tolist():
             body = self._simulator.robots[i]
             limits = bodies.part_of(i).limits.within(self._limits)
             pose = float(bodies.x[i]), float(bodies.y[i]), float(bodies.heading[i])
-            speed, wanted, turn = float(bodies.speed[i]), float(driving[i]), float(turning[i])
-            if not limits.may_go_on(pose, speed, wanted, turn, 2.0 * tick, body.nearest):
-                body.halt()
+            ways = self._vectors(i) if bodies.omni[i] else ((0.0, float(bodies.speed[i]), float(driving[i])),)
+            for course, speed, wanted in ways:
+                towards = (*pose[:2], pose[2] + course)
+                nearest = partial(_nearest_beside, body, course)
+                if not limits.may_go_on(towards, speed, wanted, float(turning[i]), 2.0 * tick, nearest):
+                    body.halt()
+                    break
         self._headings = bodies.heading.copy()
+
+    def _vectors(self, robot: int) -> Iterator[tuple[float, float, float]]:
+        """Of a body that drives in every direction, the course on which it goes and that on which it wants to go, rad
+        from its heading, with its speed and the wanted one, m/s: on the way from one velocity to the other it is never
+        faster towards a side than in one of them."""
+        bodies = self._simulator.bodies
+        ahead, side = float(bodies.wanted_speed[robot]), float(bodies.wanted_side[robot])
+        if bodies.mode[robot] == Mode.GOTO:
+            dx, dy = bodies.target_x[robot] - bodies.x[robot], bodies.target_y[robot] - bodies.y[robot]
+            course, wanted = atan2(dy, dx) - float(bodies.heading[robot]), bodies.limits.speed
+        elif bodies.mode[robot] == Mode.WANDER:
+            course, wanted = 0.0, bodies.limits.speed
+        else:
+            course, wanted = atan2(side, ahead), min(hypot(ahead, side), bodies.limits.speed)
+        speed, aside = float(bodies.speed[robot]), float(bodies.side_speed[robot])
+        pace = hypot(speed, aside)
+        yield atan2(aside, speed), pace, pace
+        yield course, pace if wanted else 0.0, wanted
+
+
+def _nearest_beside(body: Body, course: float, first: float, last: float) -> float:
+    """See `Body.nearest`, with angles from a course that differs so much from its heading."""
+    return body.nearest(first + course, last + course)

@@ -193,6 +193,9 @@ def _check(simulator: Simulator) -> None:
     for name in ("speed", "left", "right", "wanted_speed", "wanted_turn", "swing", "roaming"):
         within(getattr(bodies, name), -np.finfo(np.float64).max, np.finfo(np.float64).max, name)
     within(bodies.mode, min(Mode), max(Mode), "mode")
+    if simulator.scenario.robots.omni:
+        for name, speeds in (("wanted_side", bodies.wanted_side), ("side_speed", bodies.side_speed[bodies.omni])):
+            within(speeds, -np.finfo(np.float64).max, np.finfo(np.float64).max, name)
     if bodies.flight is not None:
         for name in ("velocity_x", "velocity_y", "wanted_side", "wanted_climb"):
             within(bodies.flight.columns[name], -np.finfo(np.float64).max, np.finfo(np.float64).max, name)

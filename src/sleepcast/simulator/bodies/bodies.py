@@ -33,9 +33,10 @@ from sleepcast.simulator.bodies.proximity import Bumpers, Neighbours, SonarGroup
 from sleepcast.simulator.bodies.scanner import Scanner
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.motion.driving import DRIVE, GOTO, WANDER, laws_of
+from sleepcast.simulator.motion.omni import SideColumns
 from sleepcast.simulator.motion.steps import BodyColumns
 from sleepcast.simulator.scenario.groups import value_quantities, values_of
-from sleepcast.simulator.scenario.robot_settings import RobotSpec
+from sleepcast.simulator.scenario.robot_settings import SIDE_SPEED, RobotSpec
 from sleepcast.simulator.scenario.robot_types import slices
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.sensors import sensors_of
@@ -98,6 +99,8 @@ class Bodies:
     stores: shape (stores, count)
     mode: a `Mode`
     wanted_speed, wanted_turn: command of DRIVE, m/s and rad/s
+    wanted_side: of `drive_side`, m/s; empty where no body has it, as the next one
+    side_speed: to the left of those that drive in every direction, m/s
     target_x, target_y: destination of GOTO, m
     stopped, held: latched by STOP, held still
     swing: remaining angle of a tumble, rad
@@ -128,6 +131,8 @@ class Bodies:
         """Which bodies slide along what they touch."""
         self.rolls = self.by_type([float(spec.wheels is not None) for spec in specs]) > 0.0
         """Which bodies go on wheels, whose speeds are `left` and `right`."""
+        self.omni = self.by_type([float(spec.omni) for spec in specs]) > 0.0
+        """Which bodies on the ground drive in every direction."""
         self.brakes: Floats = self.by_type([spec.limits.acceleration for spec in specs])
         """How fast bodies change their speed, m/s2."""
         self.limits, self.geometry = robots.limits, robots.geometry
@@ -167,6 +172,8 @@ class Bodies:
         self.target_x, self.target_y = np.zeros(self.count), np.zeros(self.count)
         self.swing, self.roaming = np.zeros(self.count), np.zeros(self.count)
         self.stopped, self.held = np.zeros(self.count, bool), np.zeros(self.count, bool)
+        self.side_speed: Floats = self.known[names.index(SIDE_SPEED)] if robots.omni else np.zeros(0)
+        self.wanted_side = np.zeros(self.count if robots.omni or robots.flight else 0)
         self.flight = Flight(self) if robots.flight else None
         """Those that fly; None where none does."""
         self.machine, self.laws = machine, laws_of(scenario)
@@ -200,7 +207,7 @@ class Bodies:
         """All arrays with a column for each robot that may be written, by name; some share their memory."""
         arrays = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
         arrays |= self.flight.columns if self.flight else {}
-        fixed = {"numbers", "chance", "radii", "slides", "rolls", "brakes"}
+        fixed = {"numbers", "chance", "radii", "slides", "rolls", "omni", "brakes"}
         return {name: each for name, each in arrays.items() if each.shape[-1:] == (self.count,) and name not in fixed}
 
     def _begin_with(self, first: Bodies, rows: Whole) -> None:
@@ -224,13 +231,16 @@ class Bodies:
         for column in self._columns.values():
             column[..., children] = column[..., parents]
         self._know_values(children)
+        if self.side_speed.size:  # the parent may be of another type
+            side = np.nan_to_num(self.side_speed[children])
+            self.side_speed[children] = np.where(self.omni[children], side, np.nan)
         for row in self.stores:
             row[children] = row[parents] * turnover.shares
             row[turnover.givers] *= turnover.kept
         self.numbers[children] = turnover.numbers
         self.chance[children] = self._chances()[children]
         self.mode[dead], self.stopped[dead], self.held[dead] = Mode.DRIVE, False, False
-        for still in (self.wanted_speed, self.wanted_turn, self.swing):
+        for still in (self.wanted_speed, self.wanted_turn, self.swing, *self._sides):
             still[dead] = 0.0
         if self.flight:
             self.flight.clear(dead)
@@ -335,6 +345,16 @@ class Bodies:
         return BodyColumns(*_COLUMNS(self))
 
     @property
+    def sides(self) -> SideColumns:
+        """What `columns` lack of bodies that drive in every direction."""
+        return SideColumns(self.wanted_side, self.side_speed)
+
+    @property
+    def _sides(self) -> tuple[Floats, ...]:
+        """The wanted speed to the side, where any body has one."""
+        return (self.wanted_side,) if self.wanted_side.size else ()
+
+    @property
     def counts(self) -> float:
         """Steps of the wheels' encoders in a metre, for bodies of one type; 0 for exact ones, or without wheels."""
         wheels = self.scenario.robots.wheels
@@ -397,6 +417,8 @@ class Bodies:
         """Let a body be at rest at once, where it is."""
         for still in (self.speed, self.left, self.right, self.bumper, self.hit_x, self.hit_y):
             still[number] = 0.0
+        if self.omni[number]:
+            self.side_speed[number] = 0.0
         if self.flight:
             self.flight.settle(np.array([number]))
 
@@ -406,6 +428,9 @@ class Bodies:
         speed: Floats = np.abs(self.speed[which])
         if self.flight:
             speed = np.where(self.flight.flies[which], self.flight.speeds(which), speed)
+        if self.scenario.robots.omni:
+            side = np.where(self.omni[which], self.side_speed[which], 0.0)
+            speed = np.sqrt(speed * speed + side * side)
         wheels = np.maximum(np.abs(self.left[which]), np.abs(self.right[which]))
         fastest: Floats = np.where(self.rolls[which], np.maximum(speed, wheels), speed)
         return fastest, speed * speed / (2.0 * self.brakes[which])
@@ -413,11 +438,13 @@ class Bodies:
     def act(self, actuator: str, which: Whole | slice, values: Floats) -> None:
         """Set one actuator of these bodies to `values`, leaving the other one's wanted value; see `Body.act`."""
         wanted = {"drive_speed": self.wanted_speed, "drive_turn": self.wanted_turn}
-        stopped = self.stopped
+        have = {"drive_side": self.omni} if self.scenario.robots.omni else {}
         if self.flight:
-            if actuator not in wanted:
-                stopped = stopped | ~self.flight.flies  # on the ground there is no such actuator
-            wanted |= {"drive_side": self.flight.wanted_side, "drive_climb": self.flight.wanted_climb}
+            have = {"drive_side": self.omni | self.flight.flies, "drive_climb": self.flight.flies}
+            wanted["drive_climb"] = self.flight.wanted_climb
+        if self.wanted_side.size:
+            wanted["drive_side"] = self.wanted_side
+        stopped = self.stopped | ~have[actuator] if actuator in have else self.stopped
         if actuator not in wanted:
             raise MisuseError(f'no actuator "{actuator}"{did_you_mean(actuator, wanted)}: wanted {" or ".join(wanted)}')
         if isinstance(which, slice):
@@ -488,6 +515,8 @@ class Bodies:
         yield self.known
         yield from (self.wanted_speed, self.wanted_turn, self.target_x, self.target_y, self.swing, self.roaming)
         yield from (self.mode, self.stopped, self.held)
+        if self.scenario.robots.omni:
+            yield self.wanted_side
         if self.flight:
             yield from self.flight.columns.values()
         if self.scenario.robots.wheels:
@@ -505,6 +534,7 @@ class Bodies:
         names += ["mode", "stopped", "held"]
         names += ["known"] if self.scenario.noise else []
         names += ["x", "y", "heading", "left", "right"] if robots.wheels else []
+        names += ["wanted_side"] if robots.omni else []
         names += ["uncounted"] if self.uncounted.size else []
         names += ["hit_x", "hit_y"] if self.contact else []
         arrays: dict[str, NDArray[np.generic]] = {name: getattr(self, name) for name in names}
@@ -555,6 +585,7 @@ class Bodies:
         self.left[:] = self.right[:] = self.speed
         self.mode[:] = Mode.WANDER if robots.wanders else Mode.DRIVE
         self.bumper[:] = 0.0 if robots.bumpers else np.nan
+        self.side_speed[:] = 0.0 if robots.omni else np.nan
         for store in robots.stores:
             carried = self.drawn(f"{store.name} carried") < store.share
             row = self.stores[self.store_names.index(store.name.casefold())]

@@ -21,7 +21,7 @@ from sleepcast.simulator.bodies.bodies import TURN, Bodies, Floats, Mode, Saying
 from sleepcast.simulator.bodies.pilot import Pilot, Results, pilot_of
 from sleepcast.simulator.bodies.population import Population
 from sleepcast.simulator.scenario.population import comes_and_goes, sort_constants
-from sleepcast.simulator.scenario.robot_settings import TENTH, Ring
+from sleepcast.simulator.scenario.robot_settings import TENTH, Ring, RobotSpec
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.sensors import sonar_sensors
 from sleepcast.simulator.scenario.signals import signal_constants
@@ -70,7 +70,7 @@ class Body:
         speed = self._bodies.wanted_speed[self.number] if isnan(wanted.speed) else wanted.speed
         turn = self._bodies.wanted_turn[self.number] if isnan(wanted.turn_rate) else wanted.turn_rate
         if self._bodies.flight is None or not (isnan(wanted.speed) and isnan(wanted.turn_rate)):
-            self.drive(speed, turn)
+            self._drive_on(speed, turn)
         for actuator, value in (("drive_side", wanted.side), ("drive_climb", wanted.climb)):
             if not isnan(value):
                 self._bodies.act(actuator, np.array([self.number]), np.array([value]))
@@ -95,6 +95,12 @@ class Body:
     # ---- functions for expressions; see FUNCTIONS
 
     def drive(self, speed: float, turn_rate: float) -> None:
+        self._drive_on(speed, turn_rate)
+        if self._bodies.omni[self.number] and not self.stopped:
+            self._bodies.wanted_side[self.number] = 0.0
+
+    def _drive_on(self, speed: float, turn_rate: float) -> None:
+        """Drive at this speed and turn rate, and to the side as before."""
         bodies, i = self._bodies, self.number
         if not bodies.stopped[i]:
             bodies.mode[i] = Mode.DRIVE
@@ -370,22 +376,34 @@ def _column(name: str, size: int) -> BodyColumn:
 
 def _writes(scenario: Scenario) -> dict[str, tuple[Writing, ...]]:
     """What those functions write that do nothing else, by name. Bodies move in the next tick, so nobody senses it in
-    this one."""
+    this one. Of what flies each ends something else besides."""
+    if scenario.robots.flight is not None:
+        return {}
     stopped, mode = _column("stopped", 1), _column("mode", 1)
     speed, turn = _column("wanted_speed", 8), _column("wanted_turn", 8)
-    driving = Writing(mode, value=float(Mode.DRIVE), unless=stopped)
+    straight = (Writing(_column("wanted_side", 8), unless=stopped),) if scenario.robots.omni else ()
+    driving = (Writing(mode, value=float(Mode.DRIVE), unless=stopped), *straight)
     going = (
         Writing(mode, value=float(Mode.GOTO), unless=stopped),
         Writing(_column("target_x", 8), 0, unless=stopped, low=0.0, high=scenario.width),
         Writing(_column("target_y", 8), 1, unless=stopped, low=0.0, high=scenario.height),
     )
-    resting = (driving, Writing(speed, unless=stopped), Writing(turn, unless=stopped))
+    resting = (*driving, Writing(speed, unless=stopped), Writing(turn, unless=stopped))
     return {
-        "DRIVE": (driving, Writing(speed, 0, unless=stopped), Writing(turn, 1, unless=stopped)),
-        "GOTO": going if scenario.around == PLAIN and scenario.robots.flight is None else (),  # a torus divides by size
+        "DRIVE": (*driving, Writing(speed, 0, unless=stopped), Writing(turn, 1, unless=stopped)),
+        "GOTO": going if scenario.around == PLAIN else (),  # a torus divides by size
         "WANDER": (Writing(mode, value=float(Mode.WANDER), unless=stopped),),
         "ST": (*resting, Writing(_column("swing", 8))),
     }
+
+
+def _sideways(robots: RobotSpec) -> tuple[Quantity, ...]:
+    """The actuators of what moves in every direction."""
+    if robots.flight:
+        return hovering.actuators(robots.limits)[2:]
+    most, unit = robots.limits.speed, robots.speed_unit
+    side = Quantity("drive_side", "m/s", -most, most, doc="drives at this speed to its left", shown_as=unit)
+    return (side,) if robots.omni else ()
 
 
 def model_of(
@@ -407,7 +425,7 @@ def model_of(
         actuators=(
             Quantity("drive_speed", "m/s", -speed, speed, doc="drives at this speed", shown_as=robots.speed_unit),
             Quantity("drive_turn", "rad/s", -turn, turn, doc="turns at this rate", shown_as="deg/s"),
-            *(hovering.actuators(robots.limits)[2:] if robots.flight else ()),
+            *_sideways(robots),
             *actuators,
         ),
         functions=(

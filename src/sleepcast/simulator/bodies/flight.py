@@ -54,6 +54,7 @@ class Grounded(Protocol):
     held: Flags
     wanted_speed: Floats
     wanted_turn: Floats
+    wanted_side: Floats
     target_x: Floats
     target_y: Floats
     of_each_type: list[slice]
@@ -90,7 +91,7 @@ class Flight:
         self.way: Floats = np.zeros((3, count))
         """How far each body went in the last tick, m: in x, y and z."""
         self.velocity_x, self.velocity_y = np.zeros(count), np.zeros(count)
-        self.wanted_side, self.wanted_climb = np.zeros(count), np.zeros(count)
+        self.wanted_side, self.wanted_climb = bodies.wanted_side, np.zeros(count)
         self.target_z = np.full(count, nan)
         self.locked = np.zeros(count, bool)
         specs = bodies.scenario.each_type

@@ -6,6 +6,8 @@ to what can still come to rest before them; then both change no faster than the 
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 
 from sleepcast.core.records import NamedTuple
@@ -18,6 +20,19 @@ GRAVITY = 9.81
 """m/s2 at which a body falls whose motors are off."""
 FASTEST = 1e100
 """m/s that may be wanted of a body: the square of a greater speed is no number."""
+
+
+class VectorLaws(Protocol):
+    """The limits of what moves in every direction, one for all bodies or one for each; see `robot.Limits`. tick: s."""
+
+    @property
+    def speed(self) -> Floats | float: ...
+
+    @property
+    def acceleration(self) -> Floats | float: ...
+
+    @property
+    def tick(self) -> float: ...
 
 
 class FlightLaws(NamedTuple):
@@ -38,7 +53,7 @@ class FlightLaws(NamedTuple):
     tick: float
 
 
-def speed_before(laws: FlightLaws, room: Floats) -> Floats:
+def speed_before(laws: VectorLaws, room: Floats) -> Floats:
     """See `Limits.speed_before`, for a lag of one tick."""
     room = either(room > 0.0, room, 0.0)
     lag = laws.tick
@@ -47,18 +62,23 @@ def speed_before(laws: FlightLaws, room: Floats) -> Floats:
     return either(room == np.inf, np.inf, speed)
 
 
-def driven(laws: FlightLaws, heading: Floats, ahead: Floats, side: Floats) -> tuple[Floats, Floats]:
-    """The velocity of a body that flies at these speeds ahead and to its left: the limit is that of the vector."""
+def driven(laws: VectorLaws, heading: Floats, ahead: Floats, side: Floats) -> tuple[Floats, Floats]:
+    """The velocity of a body that goes at these speeds ahead and to its left: the limit is that of the vector."""
+    return rotated(*shortened(laws, ahead, side), *sine_cosine(heading))
+
+
+def shortened(laws: VectorLaws, ahead: Floats, side: Floats) -> tuple[Floats, Floats]:
+    """These speeds ahead and to the left, in the same direction, as far as the limit of speed allows."""
     ahead, side = bounded(ahead, -FASTEST, FASTEST), bounded(side, -FASTEST, FASTEST)
     share = np.sqrt(ahead * ahead + side * side) / laws.speed
     share = either(share > 1.0, share, 1.0)
-    return rotated(ahead / share, side / share, *sine_cosine(heading))
+    return ahead / share, side / share
 
 
-def homed(laws: FlightLaws, dx: Floats, dy: Floats) -> tuple[Floats, Floats]:
+def homed(laws: VectorLaws, dx: Floats, dy: Floats) -> tuple[Floats, Floats]:
     """The velocity of a body on its way to a place `dx` and `dy` from it, where it comes to rest."""
     away = np.sqrt(dx * dx + dy * dy)
-    speed = _least(_least(laws.speed, speed_before(laws, away)), away / laws.tick)
+    speed = _least(_least(speed_before(laws, away), laws.speed), away / laws.tick)
     share = speed / either(away > 0.0, away, 1.0)
     return dx * share, dy * share
 
@@ -72,7 +92,7 @@ def within_edges(laws: FlightLaws, x: Floats, y: Floats, east: Floats, north: Fl
     )
 
 
-def steered(laws: FlightLaws, before: tuple[Floats, Floats], wanted: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
+def steered(laws: VectorLaws, before: tuple[Floats, Floats], wanted: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
     """The velocity after a tick in which the one `before` became the wanted one, as far as acceleration allows."""
     dx, dy = wanted[0] - before[0], wanted[1] - before[1]
     change, most = np.sqrt(dx * dx + dy * dy), laws.acceleration * laws.tick
@@ -101,5 +121,5 @@ def lifted(laws: FlightLaws, before: Floats, wanted: Floats) -> Floats:
     return before + bounded(wanted - before, -most, most)
 
 
-def _least(one: Floats, other: Floats) -> Floats:
+def _least(one: Floats, other: Floats | float) -> Floats:
     return either(other < one, other, one)

@@ -96,7 +96,21 @@ class Draws(NamedTuple):
 
 def propose(bodies: BodyColumns, laws: Laws, draws: Draws, proposal: Displacement) -> None:
     """Change the speeds of the wheels, and propose the resulting displacement."""
-    speed, turn = _wanted(bodies, laws, draws)
+    speed, turn = wanted(bodies, laws, draws)
+    turn, moves = overridden(bodies, laws, bodies.heading, speed, turn)
+    speed, turn = np.where(moves, speed, 0.0), np.where(moves, turn, 0.0)
+    if laws.track:
+        _roll(bodies, laws, draws, speed, turn, proposal)
+    else:
+        _glide(bodies, laws, speed, turn, proposal)
+    within_edges(bodies, laws, proposal)
+
+
+def overridden(
+    bodies: BodyColumns, laws: Laws, course: Floats, speed: Floats, turn: Floats
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """The turn rate that each body wants, changed in place by a tumble or by the fence, and whether it may move at all.
+    course: direction in which it goes at a `speed` above 0, rad."""
     moves = ~(bodies.held | _empty(bodies))
     # Few bodies cost as much as their NumPy calls do; what concerns none of them is left out.
     swinging = np.flatnonzero((bodies.swing != 0.0) & moves)
@@ -105,15 +119,15 @@ def propose(bodies: BodyColumns, laws: Laws, draws: Draws, proposal: Displacemen
     if laws.margin >= 0.0:
         near = np.flatnonzero(outside(laws, bodies.x, bodies.y) & (bodies.mode != GOTO) & (speed != 0.0))
         if near.size:
-            pose = bodies.x[near], bodies.y[near], bodies.heading[near]
+            pose = bodies.x[near], bodies.y[near], course[near]
             turn[near] = turned_back(laws, *pose, speed[near], turn[near])
     if swinging.size:
         _swing(bodies, laws, swinging, speed[swinging], turn[swinging])
-    speed, turn = np.where(moves, speed, 0.0), np.where(moves, turn, 0.0)
-    if laws.track:
-        _roll(bodies, laws, draws, speed, turn, proposal)
-    else:
-        _glide(bodies, laws, speed, turn, proposal)
+    return turn, moves
+
+
+def within_edges(bodies: BodyColumns, laws: Laws, proposal: Displacement) -> None:
+    """Shorten the proposed ways so that no body passes an edge."""
     proposal.dx[:] = bounded(bodies.x + proposal.dx, laws.left, laws.right) - bodies.x
     proposal.dy[:] = bounded(bodies.y + proposal.dy, laws.bottom, laws.top) - bodies.y
 
@@ -145,7 +159,7 @@ def commit(bodies: BodyColumns, laws: Laws, proposal: Displacement, settled: Set
             row[:] = np.where(rest < 0.0, 0.0, rest)
 
 
-def _wanted(bodies: BodyColumns, laws: Laws, draws: Draws) -> tuple[Floats, Floats]:
+def wanted(bodies: BodyColumns, laws: Laws, draws: Draws) -> tuple[Floats, Floats]:
     """Wanted speed and turn rate of each body, before overrides and limits."""
     drives = bodies.mode == DRIVE
     speed, turn = np.where(drives, bodies.wanted_speed, laws.roam_speed), np.where(drives, bodies.wanted_turn, 0.0)

@@ -126,6 +126,8 @@ def covered(simulator: Simulator) -> bool:
     scenario, bodies = simulator.scenario, simulator.bodies
     if bodies.machine.name != "numba" or simulator.payload is not None or bodies.parts[1:] or bodies.flight:
         return False
+    if scenario.robots.omni:
+        return False
     if scenario.lights or scenario.pings or scenario.stocks or scenario.fields or scenario.noise or bodies.counts:
         return False
     sonars = bodies.sonars

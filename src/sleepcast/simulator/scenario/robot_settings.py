@@ -51,6 +51,9 @@ BODY_NAMES = (
     *(f"sonar{number}" for number in range(MAX_SONARS)),
 )
 """Variables that simulated bodies have or may have."""
+SIDE_SPEED = "side_speed"
+OMNI_NAMES = (SIDE_SPEED, "drive_side")
+"""The variables that a body has because it drives in every direction."""
 SIGNAL_NAMES = (*LIGHT_NAMES, *PING_NAMES, "FRONT", "REAR")
 """Further names that bodies have in worlds with lights or pings."""
 
@@ -164,6 +167,7 @@ class RobotSpec:
     most: how many of them there may be at one time then, 0 for `USUAL_ROOM` times as many as at the start
     flight: None for bodies on the ground
     z: of the start, m, uniform as x and y
+    omni: whether it drives in every direction, on the ground
     """
 
     type: str
@@ -188,6 +192,7 @@ class RobotSpec:
     most: int = 0
     flight: FlightSpec | None = None
     z: tuple[float, float] = (0.0, 0.0)
+    omni: bool = False
 
 
 def read_count(robots: Table, groups: tuple[RobotGroup, ...], rows: Sequence[Table] | None) -> int:
@@ -228,6 +233,7 @@ def read_robots(
         x = table.span("x", LENGTH, whole_x, low=0.0, high=size[0])
         y = table.span("y", LENGTH, whole_y, low=0.0, high=size[1])
         geometry, bumpers, slides = _body(table)
+        omni = is_omni(table)
         ring = _ring(table) if table.has("sonar") else None
         hatch, most = _coming(table, count, groups)
         flight, limits = read_flight(table, limits) if table.has("flight") else (None, limits)
@@ -262,6 +268,7 @@ def read_robots(
             most=most,
             flight=flight,
             z=(z[0].value, z[1].value),
+            omni=omni,
         )
 
 
@@ -310,8 +317,19 @@ def _limits(robots: Table, size: tuple[float, float]) -> tuple[Limits, str]:
         return Limits(speed.value, turn_rate, acceleration, (0.0, 0.0, *size)), speed.unit or "m/s"
 
 
+def is_omni(robots: Table) -> bool:
+    """Whether robots of this table drive in every direction. Raises SettingsError where they cannot."""
+    table = robots.table("body")
+    omni = table.text("drive", "ahead", choices=("ahead", "omni")) == "omni"
+    for key, why in (("wheels", "two wheels only drive ahead"), ("flight", "what flies moves in every direction")):
+        if omni and robots.has(key):
+            raise table.error("drive", f"{why}: leave this out, or [robots.{key}]")
+    return omni
+
+
 def _body(robots: Table) -> tuple[Geometry, int, bool]:
     with robots.table("body") as table:
+        table.has("drive")
         radius = table.number("radius", LENGTH, low=LEAST, high=MAX_WORLD)
         sonars = table.whole("sonars", 0, low=0, high=360)
         reach = table.number("sonar_range", LENGTH, None if sonars else 0.0, low=0.0, high=MAX_WORLD)

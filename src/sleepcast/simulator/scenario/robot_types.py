@@ -104,6 +104,7 @@ def combined(tables: Sequence[Table], specs: Sequence[RobotSpec]) -> RobotSpec:
         bumpers=max(spec.bumpers for spec in specs),
         starts=(),
         flight=next((spec.flight for spec in specs if spec.flight), None),
+        omni=any(spec.omni for spec in specs),
         groups=tuple(group for spec in specs for group in spec.groups or (RobotGroup(spec.type, spec.count, {}),)),
     )
 

@@ -43,8 +43,10 @@ from sleepcast.simulator.scenario.robot_settings import (
     LEAST,
     MAX_ROBOTS,
     MAX_TIME,
+    OMNI_NAMES,
     SIGNAL_NAMES,
     RobotSpec,
+    is_omni,
     read_count,
     read_robots,
 )
@@ -268,6 +270,7 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> t
         tick = root.number("tick", TIME, 0.1, low=0.001, high=60.0)
         taken = [*BODY_NAMES, *SIGNAL_NAMES, *(f"{place.name}_{axis}" for place in places for axis in "xy")]
         taken += FLIGHT_NAMES if any(table.has("flight") for table in tables) else ()
+        taken += OMNI_NAMES if any(is_omni(table) for table in tables) else ()
         local_fields = read_fields(root, size, tick, taken, version)
         taken += [sensor.name for sensor in field_sensors(local_fields)]
         specs = tuple(read_robots(*each, size, taken) for each in zip(tables, counts(), groups, rows, strict=True))

@@ -9,7 +9,7 @@ from sleepcast.simulator.scenario.fields import field_sensors
 from sleepcast.simulator.scenario.flight import flight_sensors
 from sleepcast.simulator.scenario.groups import value_quantities
 from sleepcast.simulator.scenario.predation import predation_sensors
-from sleepcast.simulator.scenario.robot_settings import Ring
+from sleepcast.simulator.scenario.robot_settings import SIDE_SPEED, Ring
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.signals import signal_sensors
 from sleepcast.simulator.scenario.stocks import stock_sensors
@@ -40,6 +40,11 @@ def sensors_of(scenario: Scenario) -> tuple[Quantity, ...]:
         ),
         *value_quantities(robots.groups),
         *((Quantity("bumper", "", 0.0, float(robots.bumpers), doc=BUMPER),) if robots.bumpers else ()),
+        *(
+            (Quantity(SIDE_SPEED, "m/s", -speed, speed, doc="to its left", shown_as=robots.speed_unit),)
+            if robots.omni
+            else ()
+        ),
         *(flight_sensors(robots.limits) if robots.flight else ()),
         *signal_sensors(scenario.lights, scenario.pings, length),
         *stock_sensors(scenario.stocks, length),

@@ -149,13 +149,11 @@ def ask_time(node, body):
 
 def take_time(node, message, now):
     """Take the answer to our question: set the clock by it, or note by how much it is ahead of that of the sender."""
-    trip, issued, waited = node.came - node.asked, message[4] // 1000, message[8].get("waited")
+    trip, issued = node.came - node.asked, message[4] // 1000
     if not 0 <= trip <= _LONGEST or (node.whom and message[6] != node.whom):
         return
-    waited = message[8].get("waited")  # s for which the question has waited for its answer
-    if isinstance(waited, float) and 0 <= 1000 * waited <= trip:
-        trip -= int(1000 * waited)
     node.nonce = None
+    waited = message[8].get("waited")  # s for which the question has waited for its answer
     if isinstance(waited, float) and 0 <= 1000 * waited <= trip:
         trip -= int(1000 * waited)
     if node.whom:

@@ -80,7 +80,7 @@ class Robot:
         for message in self.node.outbox:
             self.answers[f"{message.kind} {message.body.get('command')}"] += 1
         self.node.outbox.clear()
-        self.said = (self.said + out)[-KEPT:]
+        self.said = [*self.said, *out][-KEPT:]
 
     @property
     def hits(self) -> float:

@@ -113,3 +113,20 @@ def test_a_busy_desk_says_how_long_the_question_has_waited_for_it() -> None:
     held = entered.message.body[WAITED]
     assert isinstance(held, float)
     assert held >= 0.25
+
+
+def test_a_desk_with_many_replies_counts_each_from_when_it_leaves() -> None:
+    air = Air(2, seed=1)
+    air.clock.advance(MADE)
+    desk, asked = air.desk.delivery, air.clock.now()
+    for robot in air.robots:
+        robot.delivery.trips.want("desk", asked + 60.0, asked - SOON)
+        for datagram in robot.delivery.step(asked)[0]:
+            desk.take(datagram, asked)
+    told = []
+    for robot, reply in zip(air.robots, desk.posted(), strict=True):
+        entered = robot.delivery.admission.enter(reply)
+        assert entered is not None
+        told.append((entered.message.issued - asked, entered.message.body[WAITED]))
+        air.clock.advance(0.25)  # while it leaves
+    assert told == [pytest.approx((0.0, 0.0), abs=1e-3), pytest.approx((0.25, 0.25), abs=1e-3)]

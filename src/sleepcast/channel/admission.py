@@ -272,6 +272,10 @@ class Admission:
             self.passed += 1
         return entered
 
+    def now(self) -> float:
+        """By our clock, s."""
+        return self._clock.now()
+
     def arrival(self, datagram: bytes) -> float:
         """When it reached this computer, by our clock, s; rather too late than too early, however busy we are."""
         since = waited(datagram)

@@ -170,6 +170,17 @@ def on_the_way(reply: Message, trip: float) -> float:
     return trip - waited if isinstance(waited, float) and 0.0 <= waited <= trip else trip
 
 
+class TimeReply(NamedTuple):
+    """A reply to a question for the time. nonce: of the question; arrived: when that came, s of our clock."""
+
+    nonce: bytes
+    arrived: float
+
+    def body(self, now: float) -> dict[str, object]:
+        """Its body if it leaves now, s of our clock."""
+        return {TIME: self.nonce, WAITED: max(0.0, now - self.arrived)}
+
+
 SOONEST, SLOWEST = 2.0, 16.0
 """Seconds between two requests at first, and at most: the pause doubles while there is no answer. It is longer than
 `MAX_TRIP`, so a timely answer is always to the open request."""

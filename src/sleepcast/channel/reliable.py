@@ -17,20 +17,19 @@ Messages of other kinds are passed on as they come.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from heapq import heappop, heappush
 from itertools import count
 from math import inf
 from random import Random
-from typing import TypeVar
 
 import msgspec
 
 from sleepcast.channel.admission import Admission, RateLimit, TokenBucket
 from sleepcast.channel.baselines import is_base, message_of, missing_of, rebase
-from sleepcast.channel.clock_sync import MAX_TRIP, NONCE_BYTES, TimeRequest
-from sleepcast.channel.envelope import MAX_PARTS, Fragment, encode
+from sleepcast.channel.clock_sync import MAX_TRIP, NONCE_BYTES, TimeReply, TimeRequest
+from sleepcast.channel.envelope import Fragment, encode
 from sleepcast.channel.keys import MAY, KeyChange, KeyPair, KeyRefusal
 from sleepcast.channel.message import (
     BASES,
@@ -39,7 +38,6 @@ from sleepcast.channel.message import (
     KEYS,
     ONLY,
     TIME,
-    WAITED,
     WHOSE,
     Kind,
     Message,
@@ -47,6 +45,7 @@ from sleepcast.channel.message import (
     age_of,
     message_id,
 )
+from sleepcast.channel.repair_bodies import request, streams_in, wanted_parts
 from sleepcast.channel.repair_timer import RepairTimer
 from sleepcast.channel.round_trips import RoundTrips
 from sleepcast.channel.sequencer import (
@@ -198,7 +197,7 @@ class ReliableDelivery:
         self._reported = ReportedStreams(lambda key, _: admission.no_room(bytes.fromhex(key)))
         self._catching_up = CatchingUp(self._reported)
         self._sequence, self._issued, self._keep = first - 1, 0.0, keep
-        self._out: list[bytes] = []
+        self._out: list[bytes | TimeReply] = []
         self._later: list[Repair | Repeat] = []
         self._stop_repeats = StopRepeats()
         self._tie = count()
@@ -280,10 +279,17 @@ class ReliableDelivery:
         """Send a command of ours once more; parties that have received it ignore it."""
         self._out += self._store.take(self._own().name, number, now)
 
-    def posted(self) -> list[bytes]:
-        """The datagrams that were queued since the last call."""
+    def posted(self) -> Iterator[bytes]:
+        """The datagrams that were queued since the last call. Send each before the next one is taken: replies to who
+        asks for the time are composed as they are taken, so that what is sent before them is no part of the way."""
         out, self._out = self._out, []
-        return out
+        return (datagram for each in out for datagram in ((each,) if isinstance(each, bytes) else self._reply(each)))
+
+    def _reply(self, to: TimeReply) -> list[bytes]:
+        """The datagrams of a reply that leaves now."""
+        now = self.admission.now()
+        message = self.compose(Kind.HEARTBEAT, now, deadline=now + MAX_TRIP, body=to.body(now))
+        return encode(message, self.admission.fleet, self._key)
 
     @property
     def next_number(self) -> int:
@@ -399,7 +405,7 @@ class ReliableDelivery:
             and now >= MADE  # we do not reply if our own clock is plainly wrong
             and (self.trips.replies(message, self.name, now) if WHOSE in message.body else self._time_replies.take(now))
         ):
-            self.post(Kind.HEARTBEAT, now, deadline=now + MAX_TRIP, body={TIME: nonce, WAITED: max(0.0, now - arrived)})
+            self._out.append(TimeReply(nonce, arrived))
 
     def standing_of(self, key: bytes) -> tuple[bytes, ...]:
         """The stored datagrams of the standing commands of a key that still count."""
@@ -589,8 +595,8 @@ class ReliableDelivery:
 
     # ---- time
 
-    def step(self, now: float) -> tuple[list[bytes], list[Message]]:
-        """The datagrams to send now, and the messages that need not wait any longer."""
+    def step(self, now: float) -> tuple[Iterator[bytes], list[Message]]:
+        """The datagrams to send now, see `posted`, and the messages that need not wait any longer."""
         freed = self._noted(self.sequencer.expire(now), now)
         while self._later and self._later[0].time <= now:
             self._do(heappop(self._later), now)
@@ -646,53 +652,3 @@ class ReliableDelivery:
     def _send(self, kind: Kind, body: dict[str, object], now: float) -> None:
         message = Message(self.name, self.epoch, self._number(), kind, now, now + LIFE, body=body)
         self._out += encode(message, self.admission.fleet, self._key)
-
-
-# ---- the bodies of digests and requests
-#
-# have     a digest's list of streams, each with the number of its latest standing command
-# bases    whether its sender knows standing commands that say which of those before them still count
-# most     how many of the next ones the digest's sender takes at once; without it `BATCH` of each stream
-# want     a request's list of streams, each with the numbers of missing commands
-# parts    a request's list of commands of which some parts have come, each with the numbers of the others
-
-MAX_ASKED = 24
-"""Commands in one request of which parts are resent."""
-
-Value = TypeVar("Value")
-
-
-def streams_in(body: dict[str, object], what: str, kind: type[Value]) -> list[tuple[StreamId, Value]]:
-    """The streams with their values in the body of a digest or request; malformed entries are left out."""
-    streams = []
-    listed = body.get(what)
-    for each in listed[:MAX_STREAMS] if isinstance(listed, list) else ():
-        match each:
-            case [bytes() as key, int() as epoch, value] if isinstance(value, kind):
-                streams.append(((key, epoch), value))
-    return streams
-
-
-def wanted_parts(body: dict[str, object]) -> list[tuple[StreamId, int, list[int]]]:
-    """The wanted parts of commands in the body of a request; malformed entries are left out."""
-    wanted = []
-    listed = body.get("parts")
-    for each in listed[:MAX_ASKED] if isinstance(listed, list) else ():
-        match each:
-            case [bytes() as key, int() as epoch, int() as number, list() as parts]:
-                numbers = [part for part in parts[:MAX_PARTS] if isinstance(part, int)]
-                wanted += [((key, epoch), number, numbers)] if numbers else []
-    return wanted
-
-
-def request(missing: Iterable[tuple[StreamId, int, Sequence[int]]]) -> dict[str, object]:
-    """The body of a request for these commands, or for the named parts of them."""
-    whole: dict[StreamId, list[int]] = {}
-    some: list[object] = []
-    for name, number, parts in missing:
-        if parts:
-            some.append([*name, number, [*parts]])
-        else:
-            whole.setdefault(name, []).append(number)
-    want: list[object] = [[*name, numbers] for name, numbers in whole.items()]
-    return {what: listed for what, listed in (("want", want), ("parts", some)) if listed}

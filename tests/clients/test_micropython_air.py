@@ -376,7 +376,7 @@ class TestOneOfTheSwarm:
         def all_obey() -> bool:
             sent = account(joined, "send", "(AFTER-ISSUE 3s (WHEN (> id 2) (JOIN timely)))")
             assert set(sent["matched"]) | set(sent["not_matched"]) | set(sent["fault"]) <= set(ALL)
-            return (sorted(sent["matched"]), sent["bound"] > 0.0) == (["r3", "tiny"], True)
+            return (sorted(sent["matched"]), bool(sent["bound"])) == (["r3", "tiny"], True)
 
         until(all_obey)
 

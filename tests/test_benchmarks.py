@@ -326,6 +326,20 @@ def test_the_neighbours_benchmark_times_every_function_and_has_its_bar() -> None
 
 
 @pytest.mark.nightly
+def test_the_flight_benchmark_names_everybody_and_nobody_crashes() -> None:
+    command = [sys.executable, "-m", "benchmarks.flight", "--quick", "--json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    ours, *rivals = found["rows"]
+    assert ours["flown"] > 0.0
+    assert "0 of 27 have crashed" in ours["setting"]
+    assert [row["name"] for row in rivals] == ["crazyflow", "ARGoS"]
+    assert all(row["note"] or row["flown"] > 0.0 for row in rivals)
+    assert [bar["wanted"] for bar in found["bars"]] == [10.0, 20.0]
+
+
+@pytest.mark.nightly
 def test_the_scanners_benchmark_looks_on_every_machine_and_has_its_bar() -> None:
     command = [sys.executable, "-m", "benchmarks.scanners", "--robots", "50", "--beams", "36", "--quick", "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)

@@ -191,15 +191,17 @@ def archive() -> bytes:
 
 @dataclass(frozen=True)
 class Argos:
-    """ARGoS, and the folder with the experiments that it does: N.argos has N robots and lasts for a minute."""
+    """ARGoS, and the folder with the experiments that it does: N.argos has N robots and lasts for a minute. what:
+    these experiments in words."""
 
     folder: Path | None
     clock: Clock = Clock()
+    what: str = "its diffusion example"
 
     def experiment(self, robots: int) -> Path:
         """Raises MissingError without ARGoS or this experiment."""
         if which("argos3") is None or self.folder is None:
-            raise MissingError("ARGoS takes argos3 on the PATH, and --argos FOLDER with its diffusion example")
+            raise MissingError(f"ARGoS takes argos3 on the PATH, and --argos FOLDER with {self.what}")
         file = self.folder / f"{robots}.argos"
         if not (file.is_file() and LENGTH.search(file.read_text())):
             raise MissingError(f'{file}: wanted an experiment of ARGoS with {robots} robots and length="60"')
@@ -237,14 +239,19 @@ class Libraries:
         return asked(module, *arguments, *self.clock.options, python=self.python(library))
 
     def python(self, library: str) -> str:
-        """The first Python that has it."""
+        """The first Python that has it. Raises MissingError."""
         if library not in self._known:
-            look = f"import importlib.util as look, sys; sys.exit(look.find_spec({library!r}) is None)"
-            having = [each for each in self.pythons if subprocess.run([each, "-c", look], check=False).returncode == 0]
-            self._known[library] = having[0] if having else ""
-        if not self._known[library]:
-            raise MissingError(f"{library} is not installed: --rivals-python names a Python that has it")
+            self._known[library] = python_with(library, self.pythons)
         return self._known[library]
+
+
+def python_with(library: str, pythons: Sequence[str]) -> str:
+    """The first of these Pythons that has the library. Raises MissingError."""
+    look = f"import importlib.util as look, sys; sys.exit(look.find_spec({library!r}) is None)"
+    for python in pythons:
+        if subprocess.run([python, "-c", look], check=False).returncode == 0:
+            return python
+    raise MissingError(f"{library} is not installed: --rivals-python names a Python that has it")
 
 
 def asked(

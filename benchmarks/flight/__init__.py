@@ -1,0 +1,1 @@
+"""Copters that keep apart in the air, beside ARGoS and crazyflow."""

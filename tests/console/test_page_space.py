@@ -173,7 +173,7 @@ def test_forms_and_the_camera_are_right(rovers: Page) -> None:
     counts = calculated(
         rovers, "forms", "(f) => ['copter', 'farCopter', 'rover', 'farRover'].map((k) => f[k]().triangles.length / 3)"
     )
-    assert counts == [29, 6, 10, 3]
+    assert counts == [29, 4, 10, 3]
     assert max(counts) <= 60
 
     square, hole, island = ([[a, a], [b, a], [b, b], [a, b]] for a, b in ((0, 10), (2, 8), (4, 6)))

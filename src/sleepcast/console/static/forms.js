@@ -68,11 +68,11 @@ export function copter() {
   return smooth(triangles);
 }
 
-// What is left of it from far away: 6 triangles.
+// What is left of it from far away: 4 triangles.
 export function farCopter() {
-  const [nose, left, right] = [[1.1, 0, 0], [-0.8, 0.8, 0], [-0.8, -0.8, 0]];
+  const [nose, left, right] = [[1.1, 0, -0.1], [-0.8, 0.8, -0.1], [-0.8, -0.8, -0.1]];
   const sides = [[nose, left], [left, right], [right, nose]];
-  return smooth(sides.flatMap(([a, b]) => [[a, b, [-0.2, 0, 0.5]], [b, a, [-0.2, 0, -0.3]]]));
+  return smooth([...sides.map(([a, b]) => [a, b, [-0.2, 0, 0.5]]), [nose, right, left]]);
 }
 
 // What drives: the arrow of the map, as high as wide.
@@ -89,6 +89,11 @@ export function farRover() {
 // A disc that lies on the ground.
 export function disc() {
   return smooth(fan(HEXAGON.map(([x, y]) => [x, y, 0])));
+}
+
+// What is left of it from far away: 2 triangles.
+export function farDisc() {
+  return smooth(fan([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]]));
 }
 
 // What is solid, as prisms. obstacles: as in a scene. triangulate(contour, holes): gives triangles by the indices of their

@@ -1,7 +1,7 @@
 // What stands and flies in the view in three dimensions, as meshes of three.js: ground, walls, robots, their shadows and
 // trails. All of it is flat colour with the shade of its form, which software draws fast; there are no lamps.
 
-import { copter, disc, farCopter, farRover, prisms, rover } from "./forms.js";
+import { copter, disc, farCopter, farDisc, farRover, prisms, rover } from "./forms.js";
 import { Herd } from "./herd.js";
 
 const SHADOWS = 2000; // robots; more have none, and only a few triangles each
@@ -116,7 +116,7 @@ export class Solids {
   renew(count, fly, near) {
     const make = fly ? (near ? copter : farCopter) : near ? rover : farRover;
     const bodies = new Herd(this.three, make(), fly && near ? this.paint : this.closed, count);
-    const shadows = fly && count < SHADOWS ? new Herd(this.three, disc(), this.dark, count) : null;
+    const shadows = fly && count < SHADOWS ? new Herd(this.three, near ? disc() : farDisc(), this.dark, count) : null;
     this.put("bodies", bodies.mesh);
     this.put("shadows", shadows && Object.assign(shadows.mesh, { renderOrder: -1 }));
     this.herds = { bodies, shadows };
@@ -150,6 +150,15 @@ export class Solids {
     camera.position.set(...orbit.eye);
     camera.lookAt(...orbit.target);
     this.renderer.render(this.scene, camera);
+    this.begin();
+  }
+
+  // Let what was asked for be drawn from now on, while the page goes on. Without a fence, software begins only when the page needs the
+  // picture, and lets it wait.
+  begin() {
+    const gl = this.renderer.getContext();
+    gl.deleteSync(gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0));
+    gl.flush();
   }
 }
 

@@ -52,7 +52,7 @@ export class Space {
     new ResizeObserver(() => this.resize()).observe(this.map);
     world.addEventListener("moved", () => this.follow());
     world.addEventListener("fit", () => this.fit());
-    world.tools.push({ draw: () => this.draw() });
+    world.tools.push({ drawBeside: () => this.draw() });
     this.listen();
     if (kept(KEY, false)) this.open(true);
   }

@@ -63,7 +63,7 @@ export class World extends EventTarget {
     this.stale = new Set();
     this.waiting = false;
     new ResizeObserver(() => this.refit()).observe(this.map);
-    this.tools = []; // what else hands do here, and what else is drawn: {grab, click, busy, draw, drawBehind, drawUnder}, see `listen` and `draw`
+    this.tools = []; // what else hands do here, and what else is drawn: {grab, click, busy, draw, drawBehind, drawUnder, drawBeside}, see `listen` and `draw`
     this.coordinates = (x, y) => { // how people read a place
       const { unit } = this.scene;
       return `x ${(x / UNITS[unit]).toFixed(2)}  y ${(y / UNITS[unit]).toFixed(2)} ${unit}`;
@@ -382,6 +382,7 @@ export class World extends EventTarget {
     }
     if (!frame) return;
     this.lookUnder();
+    for (const tool of this.tools) tool.drawBeside?.(); // other views first: what draws them works while the map is drawn
     if (stale.has("trails")) {
       pens.trails.clearRect(0, 0, view.width, view.height);
       for (const tool of this.tools) tool.drawUnder?.(pens.trails);

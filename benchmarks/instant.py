@@ -29,7 +29,7 @@ from sleepcast.channel.message import BOUND, Kind, Message, Role
 from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.channel.session import ChannelSession
 from sleepcast.channel.transports.arrival import StampedSocket
-from sleepcast.channel.transports.transport import ReceivedDatagram, Transport, listen_for
+from sleepcast.channel.transports.transport import ReceivedDatagram, Transport, listen_for, waited
 from sleepcast.channel.transports.udp import UdpTransport
 from sleepcast.core.clock import Clock, UnixClock, WallClock, epoch_at
 from sleepcast.language import HostFunction, Vocabulary
@@ -70,7 +70,7 @@ class WrongClock:
 
 class DelayingTransport:
     """UDP of which one party hears everything late, loses a share, and is heard late. there, back: s, besides
-    chance."""
+    chance, from when a datagram is sent or arrives: a radio does not wait for its robot's processor."""
 
     def __init__(self, udp: UdpTransport, chance: Random, there: float, back: float) -> None:
         self._udp, self._chance, self._there, self._back = udp, chance, there, back
@@ -81,14 +81,14 @@ class DelayingTransport:
         self._flying: list[tuple[float, int, bool, bytes]] = []
         self._count = 0
         self._wake, self._waker = os.pipe()
-        self._waiting: list[bytes] = []
+        self._waiting: list[tuple[float, bytes]] = []
         Thread(target=self._fly, daemon=True).start()
 
     def fileno(self) -> int:
         return self._ours.fileno()
 
     def send(self, datagram: bytes) -> None:
-        self._waiting.append(datagram)
+        self._waiting.append((time.monotonic(), datagram))
         os.write(self._waker, b"1")
 
     def receive(self) -> list[bytes]:
@@ -116,19 +116,18 @@ class DelayingTransport:
             if self._wake in came:
                 os.read(self._wake, 4_096)
                 waiting, self._waiting = self._waiting, []
-                for datagram in waiting:
-                    self._let_fly(True, datagram, self._back)
+                for sent, datagram in waiting:
+                    self._let_fly(True, datagram, sent + self._back)
             for datagram in self._udp.receive() if self._udp in came else ():
                 if self._chance.random() >= LOSS:
-                    self._let_fly(False, datagram, self._there)
+                    self._let_fly(False, datagram, time.monotonic() - waited(datagram) + self._there)
             while self._flying and self._flying[0][0] <= time.monotonic():
                 _, _, outward, datagram = heappop(self._flying)
                 (self._udp.send if outward else self._theirs.send)(datagram)
 
-    def _let_fly(self, outward: bool, datagram: bytes, seconds: float) -> None:
+    def _let_fly(self, outward: bool, datagram: bytes, due: float) -> None:
         self._count += 1
-        due = time.monotonic() + seconds + self._chance.uniform(0.0, JITTER)
-        heappush(self._flying, (due, self._count, outward, datagram))
+        heappush(self._flying, (due + self._chance.uniform(0.0, JITTER), self._count, outward, datagram))
 
 
 class StampingBody:

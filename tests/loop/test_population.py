@@ -344,8 +344,8 @@ def test_previews_ask_before_robots_are_gone_for_good() -> None:
 @pytest.mark.parametrize(
     ("sheep", "wrong"),
     [
-        ("most = 9", "say hatch = true"),
-        ("hatch = true\nmost = 3", "there are 6 robots at the start"),
+        ("most = 3", "the table has 6 robots"),
+        ("hatch = true\nmost = 3", "the table has 6 robots"),
         ("hatch = 1", "true or false"),
         ("hatch = true\nmost = 2000000", "most"),
     ],

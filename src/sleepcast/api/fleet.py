@@ -29,6 +29,7 @@ from sleepcast.language import Checked, CheckError, Explanation
 from sleepcast.language.evaluate import is_true
 from sleepcast.loop import Swarm, load, save, snapshot
 from sleepcast.loop.mission import MissionLog
+from sleepcast.loop.population import add_robot
 from sleepcast.loop.rerun import InputLog, Inputs
 from sleepcast.simulator import Changes, Payload, Scenario, World, find_scenario, read_scenario
 from sleepcast.simulator.scenario.mission import Instruction, Order
@@ -230,6 +231,22 @@ class SimulatedFleet(Fleet):
     def world(self) -> World:
         """The obstacles. They may be added, moved and removed between two ticks; sonars and bumpers feel it at once."""
         return self.swarm.simulator.world
+
+    def add_robot(
+        self, kind: str = "", x: float | None = None, y: float | None = None, heading: float | None = None
+    ) -> str:
+        """Add a robot, and give its name. It is as one of its table in the scenario is at the start, is stopped if a
+        STOP of anybody lasts, and is told the standing commands in the next tick. Raises MisuseError where there is no
+        room: for another one (`most` in the scenario), or in its place.
+
+        kind: its type, "" where robots of one type only can be added.
+        x, y: where it stands, m; None for a place by chance, as the scenario says.
+        heading: rad, None for one by chance.
+        """
+        with self._turn():
+            name = add_robot(self.swarm, kind, x, y, heading)
+        self._changed()
+        return name
 
     @property
     def x(self) -> NDArray[np.float64]:

@@ -26,6 +26,7 @@ from sleepcast.fleet.marks import GroupCodes, flags_of
 from sleepcast.loop import Swarm, snapshot
 from sleepcast.loop.rerun import WorldLog
 from sleepcast.simulator import Scenario
+from sleepcast.simulator.bodies.arrivals import Arrival
 from sleepcast.simulator.recording.json_messages import (
     AccountBody,
     ArrivalBody,
@@ -95,12 +96,14 @@ class RecordingWitness:
         self._exhausted = b""
         """Which robots had used up what they drive with when flags were looked at last."""
         self._seen = -1
+        self._added = False
+        """Whether somebody has added a robot since the last tick."""
         self._posted: list[tuple[int, Message]] = []
         self._world = WorldLog(swarm.simulator.world, dict(enumerate(swarm.simulator.scenario.shapes, 1)))
         self._changes: list[WorldChange] = []
         self._names: Sequence[str] = swarm.simulator.names
         """Of the robots by row, as they were recorded last."""
-        if swarm.simulator.tick:
+        if swarm.simulator.tick or is_changed(swarm):
             self._note_everybody(swarm.now())
         self._painter = Painter(recorder, swarm)
         self.ticking()
@@ -110,6 +113,16 @@ class RecordingWitness:
     def ticking(self) -> None:
         """A tick begins. Changes in the world since the last one were made by a person or a program."""
         self._look_at_world(self._swarm.simulator.tick + 1, own=False)
+
+    def came(self, arrival: Arrival) -> None:
+        """Somebody has added a robot between two ticks, after all changes in the world so far."""
+        self.ticking()
+        simulator = self._swarm.simulator
+        change = WorldChange(simulator.tick + 1, {}, (), came=(arrival,))
+        self._changes.append(change)
+        self._recorder.obstacles(self._swarm.now(), change)
+        self._added = True
+        self._look_at_robots(self._swarm.now())
 
     def posted(self, message: Message) -> None:
         """The operator's message goes on the air in this tick."""
@@ -131,6 +144,7 @@ class RecordingWitness:
         """A tick is over."""
         swarm = self._swarm
         simulator = swarm.simulator
+        self._added = False
         if swarm.thought.size:
             self._unmarked = True
         now = swarm.now()
@@ -212,7 +226,10 @@ class RecordingWitness:
             return
         self._names = names = simulator.names
         born = zip(turnover.children.tolist(), turnover.numbers.tolist(), turnover.parents.tolist(), strict=True)
-        came = [ArrivalBody(names[row], number + 1, row, before[parent]) for row, number, parent in born]
+        came = [
+            ArrivalBody(names[row], number + 1, row, "" if parent == row else before[parent])
+            for row, number, parent in born
+        ]
         gone = departures(before, turnover.dead.tolist())
         self._recorder.note(ROBOTS, now, RobotsBody(simulator.tick, came, gone))
         for row in turnover.changed.tolist():  # what was recorded of this row was said of another robot
@@ -252,7 +269,7 @@ class RecordingWitness:
             return
         if self._seen != simulator.tick:
             self.picture()
-            if not self._world.changed:  # else the state is already that of the tick to come
+            if not self._world.changed and not self._added:  # else the state is already that of the tick to come
                 self.look()
 
     def _look_at_rules(self, index: int, now: float) -> None:
@@ -267,6 +284,12 @@ class RecordingWitness:
     def _note_rules(self, index: int, now: float) -> None:
         body = RulesBody(self._swarm.simulator.names[index], [RuleBody(*rule) for rule in self._rules[index]])
         self._recorder.note(RULES, now, body)
+
+
+def is_changed(swarm: Swarm) -> bool:
+    """Whether somebody has added robots, so that at the start there were others than the scenario says."""
+    population = swarm.simulator.population
+    return population is not None and population.added > 0
 
 
 def periods(scenario: Scenario, wanted: RecordingPlan) -> tuple[Every, Every]:
@@ -287,7 +310,7 @@ def recorded(
     complain: called with a sentence then, see `Recorder`. Raises what Recorder raises.
     """
     simulator = swarm.simulator
-    first = (simulator.tick, snapshot(swarm)) if simulator.tick else (0, b"")
+    first = (simulator.tick, snapshot(swarm)) if simulator.tick or is_changed(swarm) else (0, b"")
     with Recorder(
         wanted.file,
         simulator.scenario,

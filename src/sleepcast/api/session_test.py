@@ -137,10 +137,14 @@ def orders_of(swarm: Swarm, station: Station, inputs: Inputs, hold: Hold) -> lis
     hold: what shall become of each command of which its desk keeps an account.
     """
     if inputs.changes:
-        at = inputs.changes[0].tick * swarm.simulator.scenario.tick
+        first = inputs.changes[0]
+        at = first.tick * swarm.simulator.scenario.tick
+        what, instead = (
+            ("A robot was added", "with at = ...") if first.came else ("Obstacles were changed", "as an event")
+        )
         raise MisuseError(
-            f"Obstacles were changed by hand at {at:g} s, which a test cannot "
-            "repeat. Put the change into the scenario as an event, and play it again."
+            f"{what} by hand at {at:g} s, which a test cannot repeat. Put that into the scenario {instead}, and play it "
+            "again."
         )
     tick = swarm.simulator.scenario.tick
     desks = {command.id: desk for desk, command in sent_commands(swarm, station)}

@@ -402,6 +402,13 @@ class NamesThen(NameIndex):
         return self
 
 
+def lasting_part(names: NameIndex, batch: MessageBatch) -> MessageBatch:
+    """Those messages of a batch whose senders are called the same in `names`, at their indices."""
+    if names.lasting or batch.names is names:
+        return batch
+    return batch.take(np.array([batch.names[robot] == names[robot] for robot in batch.robots.tolist()], np.bool_))
+
+
 def names_of_places(names: Sequence[str], places: Index) -> dict[int, str] | None:
     """The names at these indices, where others may be there later; else None."""
     if not isinstance(names, NameIndex) or names.lasting:

@@ -374,6 +374,17 @@ class Radio:
         if self.transmit_queue:
             self.transmit_queue.free[changed] = -np.inf
 
+    def bring(self, message: Message, robots: Numbers, due: float) -> None:
+        """Let these robots receive a message at `due`, s, as if others near them had handed it on."""
+        room = MAX_WAITING - self._on_the_way
+        self.counts.sent += len(robots)
+        self.counts.refused += max(0, len(robots) - room)
+        receivers = robots[:room].astype(np.int64)
+        if receivers.size:
+            self._on_the_way += len(receivers)
+            order = (self._party(message.sender), message.epoch, message.sequence, 0, 0)
+            self._waiting.append(InFlight(order, message, receivers, due))
+
     def receive(self, number: int) -> list[Message]:
         """The messages of party `number` since its last call, in the order of arrival."""
         if number < 0:

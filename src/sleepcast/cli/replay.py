@@ -157,7 +157,7 @@ def _verify(interrupts: Interrupts, recording: Recording, *, quiet: bool) -> Rep
 
 def _beginning(recording: Recording) -> Swarm:
     """The swarm of a recording at its start, which only the recording commands. Raises MisuseError."""
-    if not recording.first:
+    if not recording.first and not recording.snapshot:
         from sleepcast.api.assembly import assemble
 
         swarm, _ = assemble(recording.scenario, recording.seed, mission=False)

@@ -360,6 +360,17 @@ class ValueColumns(Columns):
         for members in self.groups.values():
             members[robots] = False
 
+    def begin_robots(self, robots: Index, values: Sequence[float]) -> None:
+        """These robots are in no group, and have these values by slot; of all others nothing is known."""
+        for slot in self.slots():
+            value = values[slot] if slot < len(values) else nan
+            same = self._same[slot]
+            lasts = self._column(slot) is None and (same == value or (same != same and value != value))
+            if not lasts and not self._elsewhere(slot):
+                self.own(slot)[robots] = value
+        for members in self.groups.values():
+            members[robots] = False
+
     def slots(self) -> range:
         """Every slot that has ever been used."""
         return range(len(self._same))

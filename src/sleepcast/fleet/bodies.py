@@ -19,7 +19,7 @@ from sleepcast.core.model import RestState
 from sleepcast.fleet.authority import FleetAuthority
 from sleepcast.fleet.state import FleetState
 from sleepcast.language.vocabulary import FROZEN, SLEEPING, TIME_SLOT
-from sleepcast.mind.authority import Life, outlasts, stops_told
+from sleepcast.mind.authority import Latch, Life, outlasts, stops_told
 from sleepcast.robot import Failsafe, RestSensing, Robot
 
 
@@ -72,6 +72,14 @@ class FleetBodies:
         self._forget_arrivals()
         self.halt(rows.take(stopped))
         return rows.take(stopped), rows.take(~stopped)
+
+    def begin(self, latch: Latch, rows: Rows, now: float) -> None:
+        """These robots begin with this latch, and are stopped if any STOP holds it."""
+        self._state.latch.set(rows, latch)
+        for mark in latch.holding:
+            self.arrived.setdefault(mark.life, filled(0.0, np.float64, self._state.count))[rows.index] = now
+        if latch.holding:
+            self.halt(rows)
 
     def _forget_arrivals(self) -> None:
         holding = {mark.life for latch in self._state.latch.values for mark in latch.holding}

@@ -37,7 +37,7 @@ from sleepcast.language.program import Program
 from sleepcast.language.reader import read, show
 from sleepcast.language.symbols import Declared, UserVariable
 from sleepcast.language.vocabulary import TICK, TIME_SLOT, Variable, Vocabulary, rule_key
-from sleepcast.mind.authority import AT_REST, ENDED, Tells, outcome_of_untimely
+from sleepcast.mind.authority import AT_REST, ENDED, Latch, Tells, outcome_of_untimely
 from sleepcast.mind.inspection import BodyState, Details, Self, answer_inspection
 from sleepcast.mind.limits import ASKS_TOO_MUCH, MAX_BACKLOG
 from sleepcast.mind.rules import in_order
@@ -541,6 +541,10 @@ class Fleet(Mapping[str, RobotView]):
         rows = self.authority.catching_up.where(self.rows(robots), lambda before: before is not lasts)
         self.authority.catching_up.set(rows, lasts)
         self._bodies.hold(rows)
+
+    def begin(self, latch: Latch, now: float, robots: Some) -> None:
+        """These robots have come at `now`, s, with this latch: they are stopped if any STOP holds it."""
+        self._bodies.begin(latch, self.rows(robots), now)
 
     @property
     def arrived(self) -> dict[tuple[str, int], Column]:

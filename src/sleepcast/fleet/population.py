@@ -1,5 +1,6 @@
 """What becomes of a fleet's minds when robots come and go: a child has all that its parent has learned and knows, and a
-random stream, a name and messages of its own; nothing is left of one that is gone."""
+random stream, a name and messages of its own; one without a parent is as robots are at the start; nothing is left of
+one that is gone."""
 
 from __future__ import annotations
 
@@ -20,8 +21,8 @@ if TYPE_CHECKING:
 
 
 def turn_over(fleet: Fleet, names: NameIndex, parents: Index, children: Index, numbers: Index, dead: Index) -> None:
-    """Robots have come to the rows `children`, each from the parent in its place, with these `numbers`, from 0; and
-    those of the rows `dead` have gone. names: of all from now on."""
+    """Robots have come to the rows `children`, each from the parent in its place, or from nobody if that is itself,
+    with these `numbers`, from 0; and those of the rows `dead` have gone. names: of all from now on."""
     changed = np.concatenate((children, dead))
     _teach(fleet.state, parents, children, numbers)
     _forget(fleet.state, dead)
@@ -63,6 +64,8 @@ def _ids(ids: Sequence[int], children: Index, numbers: Index, dead: Index) -> li
 def _teach(state: FleetState, parents: Index, children: Index, numbers: Index) -> None:
     """Let children have what their parents have."""
     state.copy_robots(parents, children)
+    if (alone := children[children == parents]).size:
+        state.begin_robots(alone, state.at_first)
     state.own(ID)[children] = numbers + 1.0
     state.keys[children] = streams(state.seed, numbers + 1)
     for column in (state.mind, state.proven, state.unproven_since, state.stopped, state.held, state.still):

@@ -39,7 +39,9 @@ class FleetState(ValueColumns):
 
     def __init__(self, vocabulary: Vocabulary, numbers: Sequence[int], seed: int) -> None:
         count = len(numbers)
-        super().__init__(count, values_at_first(vocabulary))
+        self.at_first = values_at_first(vocabulary)
+        """What robots know when they begin, by slot."""
+        super().__init__(count, self.at_first)
         self._columns[ID] = np.array(numbers, dtype=np.float64)
         self.seed = seed
         self.present: Mask | None = None

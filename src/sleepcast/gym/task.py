@@ -120,7 +120,7 @@ def checked(task: Task) -> CheckedTask:
         seconds = scenario.seconds if task.seconds is None else in_seconds(task.seconds, "seconds")
         if fleet.swarm.simulator.population is not None:
             raise MisuseError(
-                f"{scenario.name}: robots come and go (hatch = true), and an environment has always as many"
+                f"{scenario.name}: robots come and go (hatch, most or at), and an environment has always as many"
             )
         if not isfinite(seconds) or not scenario.tick <= seconds <= MAX_STEPS * scenario.tick:
             raise MisuseError(f"seconds {seconds}: wanted from {scenario.tick} to {MAX_STEPS * scenario.tick}")

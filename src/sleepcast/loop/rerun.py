@@ -1,7 +1,8 @@
 """A run again: a swarm that gets, tick by tick, what another one got from outside, and so does the same bit for bit.
 
-What comes from outside are the operator's messages, and solid things that somebody adds, moves or removes. `InputLog`
-keeps both while a swarm runs; `Rerun` gives them to another swarm that begins in an earlier state of it.
+What comes from outside are the operator's messages, solid things that somebody adds, moves or removes, and robots that
+somebody adds. `InputLog` keeps all that while a swarm runs; `Rerun` gives it to another swarm that begins in an earlier
+state of it.
 """
 
 from __future__ import annotations
@@ -15,8 +16,10 @@ from typing import TypeVar
 from sleepcast.channel import Message
 from sleepcast.channel.message_batch import MessageBatch
 from sleepcast.core.records import dataclass
+from sleepcast.loop.population import add_again
 from sleepcast.loop.swarm import Swarm
 from sleepcast.simulator import World
+from sleepcast.simulator.bodies.arrivals import Arrival
 from sleepcast.simulator.packing import pack
 from sleepcast.simulator.recording.recorder import WorldChange
 from sleepcast.simulator.world.world import Shape
@@ -27,7 +30,7 @@ Input = TypeVar("Input")
 @dataclass(slots=True)
 class Inputs:
     """What came from outside, in order. posted: the operator's messages, each with the tick in which it was sent.
-    changes: of the solid things, those excepted that the scenario makes itself."""
+    changes: of the solid things and of who is there, those excepted that the scenario makes itself."""
 
     posted: list[tuple[int, Message]] = field(default_factory=list)
     changes: list[WorldChange] = field(default_factory=list)
@@ -120,7 +123,14 @@ class InputLog:
 
     def ticking(self) -> None:
         """A tick begins. Changes in the world since the last one came from outside."""
-        change = self._world.look(self._simulator.tick + 1, own=False)
+        self._note(self._world.look(self._simulator.tick + 1, own=False))
+
+    def came(self, arrival: Arrival) -> None:
+        """Somebody has added a robot between two ticks, after all changes in the world so far."""
+        self.ticking()
+        self._note(WorldChange(self._simulator.tick + 1, {}, (), came=(arrival,)))
+
+    def _note(self, change: WorldChange | None) -> None:
         if change is not None:
             self.inputs.changes.append(change)
             self.size += size_of_change(change)
@@ -170,7 +180,7 @@ class Rerun:
         """One tick."""
         swarm, inputs, tick = self.swarm, self._inputs, self.tick + 1
         while self._changes < len(inputs.changes) and inputs.changes[self._changes].tick <= tick:
-            _change(swarm.simulator.world, inputs.changes[self._changes])
+            _change(swarm, inputs.changes[self._changes])
             self._changes += 1
         while self._posted < len(inputs.posted) and inputs.posted[self._posted][0] <= tick:
             swarm.post(inputs.posted[self._posted][1])
@@ -185,9 +195,12 @@ class Rerun:
         self._posted, self._changes = inputs.counts(self.tick)
 
 
-def _change(world: World, change: WorldChange) -> None:
+def _change(swarm: Swarm, change: WorldChange) -> None:
+    world = swarm.simulator.world
     for number in change.gone:
         if number in world.shapes:  # a snapshot that the run went on from may be without it already
             world.remove(number)
     for name, shape in change.put.items():
         world.put(int(name), shape)
+    for arrival in change.came:
+        add_again(swarm, arrival)

@@ -27,7 +27,7 @@ from sleepcast.fleet import snapshot as fleets
 from sleepcast.fleet.schema import FleetSnapshot
 from sleepcast.fleet.state import MindTable
 from sleepcast.loop.mission import readable
-from sleepcast.loop.population import renumber
+from sleepcast.loop.population import BriefingState, renumber
 from sleepcast.loop.swarm import MAX_MINDS, Desk, Swarm
 from sleepcast.simulator import Order
 from sleepcast.simulator import snapshot as simulators
@@ -102,6 +102,7 @@ class LoopState(msgspec.Struct):
     rest: what runs have left over, see `Carried`.
     wanted: of each of the orders, unless nobody wants anything.
     given: those that were sent and say what shall become of them.
+    briefing: what robots that come later are to know.
     """
 
     orders: list[tuple[float, str, str]]
@@ -109,6 +110,7 @@ class LoopState(msgspec.Struct):
     rest: float = 0.0
     wanted: list[list[tuple[str, int, str]]] = []
     given: list[GivenOrder] = []
+    briefing: BriefingState | None = None
 
 
 # ---- taking one
@@ -165,7 +167,8 @@ def loop_state(swarm: Swarm) -> LoopState:
     wanted = [_wanted(order) for order in swarm.mission]
     given = [GivenOrder(_plain(order), _wanted(order), number) for order, number in swarm.given]
     orders = [_plain(order) for order in swarm.mission]
-    return LoopState(orders, list(swarm.posted), swarm.carried.rest, wanted if any(wanted) else [], given)
+    briefing = None if swarm.simulator.population is None else swarm.briefing.state()
+    return LoopState(orders, list(swarm.posted), swarm.carried.rest, wanted if any(wanted) else [], given, briefing)
 
 
 def _plain(order: Order) -> tuple[float, str, str]:
@@ -295,6 +298,8 @@ def go_on(
     swarm.radio.restore(radio, swarm.simulator.names)
     swarm.posted.extend(loop.posted)
     swarm.carried.rest = loop.rest
+    if loop.briefing is not None:
+        swarm.briefing.restore(loop.briefing)
 
 
 def _order(plain: tuple[float, str, str], wanted: list[tuple[str, int, str]]) -> Order:

@@ -39,12 +39,13 @@ from sleepcast.core.units import NONE, UNITS
 from sleepcast.fleet import Fleet, RobotView
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.loop.mission import is_stopped_by_others, readable
-from sleepcast.loop.population import turn_over
+from sleepcast.loop.population import Briefing, turn_over
 from sleepcast.loop.quiet import QuietWorld
 from sleepcast.mind.authority import Tells
 from sleepcast.mind.views import Result
 from sleepcast.robot import RobotModel
 from sleepcast.simulator import MissionError, Order, Simulator
+from sleepcast.simulator.bodies.arrivals import Arrival
 from sleepcast.simulator.scenario.mission import LEASE_SECONDS, Instruction, instruction
 
 MAX_MINDS = 1_000_000
@@ -159,6 +160,9 @@ class Witness(Protocol):
     def ticked(self) -> None:
         """A tick has ended."""
 
+    def came(self, arrival: Arrival) -> None:
+        """Somebody has added a robot between two ticks."""
+
 
 class Swarm:
     """A simulator, a mind for each body, and the radio between them and the operator; also their common clock.
@@ -222,6 +226,8 @@ class Swarm:
         self.desk: Desk | None = None
         self.others: list[Desk] = []
         """The desks of further operators, in the scenario's order."""
+        self.briefing = Briefing()
+        """What robots that come later are to know, kept where any may."""
         self.witnesses: list[Witness] = []
         """They see each tick, in this order."""
         self.senders: list[Callable[[], None]] = []
@@ -414,6 +420,8 @@ def _send_posted(swarm: Swarm) -> None:
         sent.append(message)
         for desk in swarm.desks[OPERATOR - number :][:1]:
             desk.on_air(message)
+        if swarm.simulator.population is not None:
+            swarm.briefing.hear(message)
         for witness in swarm.witnesses:
             witness.posted(message)
     swarm.heed_stops(sent)

@@ -13,13 +13,15 @@ from sleepcast.core.counter_rng import GOLDEN, key
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.given_numbers import read_seed
 from sleepcast.core.threads import ThreadPool
+from sleepcast.core.ticks import tick_at
 from sleepcast.robot import RobotModel
+from sleepcast.simulator.bodies.arrivals import Arrival, find_room, newcomers, refuse_full, sort_called, start_at
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Flags, Floats, Mode, Saying, Whole
 from sleepcast.simulator.bodies.body import TUMBLE, Body, BodySenses, FlyingBody, model_of
 from sleepcast.simulator.bodies.crashes import crash
 from sleepcast.simulator.bodies.payload import Payload
 from sleepcast.simulator.bodies.pilot import Results, pilot_of
-from sleepcast.simulator.bodies.population import Population, Turnover
+from sleepcast.simulator.bodies.population import Population, Turnover, joined
 from sleepcast.simulator.bodies.proximity import Sonars
 from sleepcast.simulator.bodies.senses import Senses, functions_of
 from sleepcast.simulator.engine import Machine, choose, cores, keeps_kernels
@@ -28,10 +30,11 @@ from sleepcast.simulator.motion.driving import bounded
 from sleepcast.simulator.motion.steps import Displacement, Draws, Settled, clear
 from sleepcast.simulator.scenario.events import apply_events
 from sleepcast.simulator.scenario.measures import Measuring
-from sleepcast.simulator.scenario.population import NamesByRow, comes_and_goes, with_room
+from sleepcast.simulator.scenario.population import NamesByRow, at_first, comes_and_goes, with_room
 from sleepcast.simulator.scenario.robot_settings import TENTH
 from sleepcast.simulator.scenario.robot_types import names_of
 from sleepcast.simulator.scenario.scenario import Scenario
+from sleepcast.simulator.scenario.starts import Starts
 
 MAX_CASTE = 254
 """`pinged` gives one byte per robot; castes above this are reported as this one."""
@@ -73,17 +76,24 @@ class Simulator:
         rings = scenario.robots.ring.count + 1 if scenario.robots.ring else 0
         known = None if model is None else model.sensors[: len(model.sensors) - rings]
         added = payload.sensors if payload else ()
-        self.bodies = Bodies(scenario, self.seed, machine, added, known)
+        first = at_first(scenario)
+        begun = Bodies(first, self.seed, machine, added, known) if first.robots.count else None
         self.population: Population | None = None
         """Which robots are there, where they come and go."""
         self.turnover: Turnover | None = None
-        """Who has come and gone at the end of the last tick; None if nobody has."""
+        """Who has come and gone at the end of the last tick, or was added last since; None if nobody has."""
         if comes_and_goes(scenario):
             if payload:
-                raise MisuseError(f"{scenario.name}: robots of classes of one's own do not come and go (hatch = true)")
+                raise MisuseError(
+                    f"{scenario.name}: robots of classes of one's own do not come and go (hatch, most or at)"
+                )
             roomy = with_room(scenario)
             self.population = Population(scenario, roomy)
-            self.bodies = Bodies(roomy, self.seed, machine, added, known, self.population, self.bodies)
+            begun = Bodies(roomy, self.seed, machine, added, known, self.population, begun)
+            for sort in self.population.awaited:  # here whoever starts this learns what is wrong with their starts
+                newcomers(begun, scenario, sort, np.arange(self.population.sizes[sort]))
+        assert begun is not None
+        self.bodies = begun
         self.world = self.bodies.world
         """The solid things; they may be changed between ticks."""
         self.senses = Senses(self.bodies)
@@ -174,18 +184,72 @@ class Simulator:
         return np.ones(self.bodies.count, bool) if self.population is None else self.population.present
 
     def turn_over(self) -> Turnover | None:
-        """The end of a tick: robots come and go as they have asked; None if none does."""
-        if self.population and self.senses.predation:
+        """The end of a tick: robots come whose time it is, and come and go as they have asked; None if none does."""
+        self.turnover = None
+        if self.population is None:
+            return None
+        if self.senses.predation:
             self.population.die(self.senses.predation.settle(self.population.staying))
-        turnover = self.population.settle() if self.population else None
-        if turnover is not None:
-            self.bodies.turn_over(turnover)
-            self.senses.turn_over(turnover)
-            self._pinged[turnover.dead] = 0
-            if isinstance(self.names, NamesByRow):
-                self.names = self.names.after(turnover.dead, turnover.children, turnover.numbers)
-        self.turnover = turnover
+        tick = self.scenario.tick
+        due = [sort for sort in self.population.awaited if tick_at(self.population.time_of(sort), tick) <= self.tick]
+        came = [arrived for sort in due if (arrived := self._come(sort, self.population.sizes[sort], awaited=True))]
+        settled = self.population.settle()
+        if settled is not None:
+            self._take_over(settled)
+        if came or settled:
+            self.turnover = joined([*came, *([settled] if settled else ())])
+        return self.turnover
+
+    def add_robot(
+        self, kind: str = "", x: float | None = None, y: float | None = None, heading: float | None = None
+    ) -> Arrival:
+        """Add a robot between two ticks; `turnover` says where it is. kind: its type, "" where only one can be added;
+        x, y: its place, m, None for one by chance; heading: rad, None for one by chance. Raises MisuseError if there is
+        no room for it."""
+        if self.population is None:
+            raise MisuseError(f"{self.scenario.name}: no robots can be added: say most = ... in its table of robots")
+        sort = sort_called(self.population, kind)
+        refuse_full(self.population, sort)
+        spec = self.population.specs[sort]
+        starts = start_at(spec, x, y, heading, (self.scenario.width, self.scenario.height))
+        turnover = self._come(sort, 1, starts)
+        if turnover is None:
+            place = "where it might start" if starts is None else f"at {x:g}, {y:g} m"
+            raise MisuseError(f"a {spec.type} has no room {place}: something solid or another robot is there")
+        row = int(turnover.children[0])
+        put_x, put_y, facing = (float(column[row]) for column in (self.x, self.y, self.bodies.heading))
+        height = 0.0 if self.heights is None else float(self.heights[row])
+        return Arrival(sort, self.population.added - 1, put_x, put_y, facing, height)
+
+    def add_again(self, arrival: Arrival) -> Turnover | None:
+        """Add a robot that was added between these ticks when the run went on before; None if it is there already, or
+        has no room in this run."""
+        population = self.population
+        if population is None or population.added > arrival.order or not population.room(arrival.sort):
+            return None
+        return self._come(arrival.sort, 1, arrival.starts)
+
+    def _come(self, sort: int, count: int, starts: Starts | None = None, *, awaited: bool = False) -> Turnover | None:
+        """Let so many robots of a sort come where there is a place for them; None if there is not."""
+        assert self.population is not None
+        numbers = np.arange(self.population.following, self.population.following + count)
+        new = newcomers(self.bodies, self.scenario, sort, numbers, starts)
+        given = bool(self.population.specs[sort].starts if starts is None else starts)
+        if not find_room(self.bodies, new, given=given):
+            return None
+        self.turnover = turnover = self.population.come(sort, count, awaited=awaited)
+        self._take_over(turnover)
+        self.bodies.take_in(new, turnover.children)
+        self.bodies.forget()
         return turnover
+
+    def _take_over(self, turnover: Turnover) -> None:
+        """Let bodies, senses and names be those of who is there now."""
+        self.bodies.turn_over(turnover)
+        self.senses.turn_over(turnover)
+        self._pinged[turnover.dead] = 0
+        if isinstance(self.names, NamesByRow):
+            self.names = self.names.after(turnover.dead, turnover.children, turnover.numbers)
 
     def renumber(self) -> None:
         """Other robots are there than at the start, as their numbers say."""

@@ -65,6 +65,7 @@ class SimulatorState(msgspec.Struct):
     said: time (s), robot and text
     measures: see `Measuring.state`
     population: see `Population`: the number in each row, and the next one; None where robots do not come and go
+    awaited, added: see `Population`
     """
 
     scenario: bytes
@@ -76,6 +77,8 @@ class SimulatorState(msgspec.Struct):
     said: list[tuple[float, int, str]]
     measures: list[tuple[int, list[list[float]]]]
     population: tuple[Array, int] | None = None
+    awaited: list[int] = []
+    added: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +107,8 @@ def state_of(simulator: Simulator, *, whole: bool = True) -> SimulatorState:
         [(saying.time, saying.robot, saying.text) for saying in simulator.sayings],
         simulator.measuring.state(),
         None if population is None else (Array.of(population.numbers.astype(np.int64)), population.following),
+        [] if population is None else population.awaited,
+        0 if population is None else population.added,
     )
 
 
@@ -170,7 +175,11 @@ def _populate(simulator: Simulator, state: SimulatorState) -> None:
     there = numbers[numbers >= 0]
     if len(np.unique(there)) < len(there) or not population.following <= following <= MAX_BIRTHS:
         raise SerialError("robots with the same number, or with numbers that none can have")
+    if not {*state.awaited} <= {*population.awaited} or not 0 <= state.added <= following:
+        raise SerialError("robots that are to come, of which the scenario knows nothing")
     population.numbers[:], population.following = numbers, following
+    population.awaited = [sort for sort in population.awaited if sort in state.awaited]
+    population.added = state.added
     population.present[:] = numbers >= 0
     simulator.renumber()
 
@@ -304,6 +313,7 @@ def _bounds_of(robots: RobotSpec) -> Iterator[tuple[str, float, float, float]]:
     yield "sonars", robots.geometry.sonars, 0, 360
     yield "bumpers", robots.bumpers, 0, MAX_BUMPERS
     yield "robots at one time", robots.most, 0, MAX_ROBOTS
+    yield "s until robots come", robots.at, 0.0, MAX_TIME
     yield "robots in groups", sum(group.count for group in robots.groups), 0, MAX_ROBOTS
     if robots.wheels is not None:
         yield "m between wheels", robots.wheels.track, LEAST, MAX_WORLD

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import BOUND, HELD, LOOK, UNKNOWN, WAITING, lasts, outcome_of
 from sleepcast.channel.message_batch import AnswerColumns as Said
-from sleepcast.channel.message_batch import NameIndex, NamesThen, ascending, names_of_places
+from sleepcast.channel.message_batch import MessageBatch, NameIndex, NamesThen, ascending, lasting_part, names_of_places
 from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean
 from sleepcast.core.serial import Array, SerialError, within
 from sleepcast.language.instants import wait_of
@@ -411,6 +411,16 @@ class Command:
     def predicted(self) -> frozenset[str]:
         """The names of the robots that were expected to obey."""
         return frozenset(self.answers.names[place] for place in self.expected.tolist())
+
+    def take(self, batch: MessageBatch, said: Said, now: float) -> None:
+        """Count what many robots answer, but for those that have come since, where robots do: they are told old
+        commands, too."""
+        asked = lasting_part(self.answers.names, batch)
+        self.answers.take(asked.robots, asked.places, said, now)
+
+    def knows(self, robot: str) -> bool:
+        """Whether a robot may have been there when it went out: not one that has come since, where robots do."""
+        return self.answers.names.lasting or robot in self.answers.names
 
     def turn_over(self, dead: Index) -> None:
         """These robots are gone: whoever has not answered, or waits for an instant, is not asked any more."""

@@ -540,7 +540,7 @@ class Station:
                     self.failures.hear(place, message.body, now)
             elif message.kind is Kind.ANSWER:
                 command, answer = self._sent.find(message.body.get("command")), answer_from(message.body, now)
-                if command is not None and answer is not None and place is not None:
+                if command is not None and answer is not None and place is not None and command.knows(message.sender):
                     self._count(command, place, message, answer)
                 if self._sent.latch is not None:
                     self._take_rest(place, message)
@@ -569,7 +569,7 @@ class Station:
             if isinstance(said, AnswerColumns):
                 command = self._sent.find(said.command)
                 if command is not None:
-                    command.answers.take(batch.robots, batch.places, said, now)
+                    command.take(batch, said, now)
                     if command is self._sent.latch:
                         self._take_rests(batch.robots)
                 counts = np.bincount(said.outcome[batch.places], minlength=len(said.outcomes)).tolist()

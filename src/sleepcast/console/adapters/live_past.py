@@ -27,6 +27,7 @@ from sleepcast.fleet.marks import GroupCodes, flags_of
 from sleepcast.loop import Swarm
 from sleepcast.loop.rerun import InputLog
 from sleepcast.loop.snapshots import SwarmCopy, copy_of
+from sleepcast.simulator.bodies.arrivals import Arrival
 from sleepcast.station import Station
 
 TICKS_PER_PICTURE = 5
@@ -140,6 +141,10 @@ class LivePast(Past):
         if self._log.size > self.budget.inputs // 2:  # the other half is for another future
             self._forget_inputs()
         self._began = self._clock.now()
+
+    def came(self, arrival: Arrival) -> None:
+        """Somebody has added a robot between two ticks."""
+        self._log.came(arrival)
 
     def posted(self, message: Message) -> None:
         """The operator's message goes on the air in this tick."""

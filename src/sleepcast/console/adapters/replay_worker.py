@@ -308,6 +308,9 @@ class _Answer:
     def ticked(self) -> None:
         """Nothing."""
 
+    def came(self, arrival: object) -> None:
+        """Nothing."""
+
 
 def _why_unexplained(run: RerunSwarm, sent: Message, *, answered: bool) -> str:
     """Why a robot cannot explain a command, after its name: never more than what is known up to this moment."""

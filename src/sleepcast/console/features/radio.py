@@ -110,6 +110,9 @@ class RadioMeter:
     def ticked(self) -> None:
         """Nothing."""
 
+    def came(self, arrival: object) -> None:
+        """Nothing."""
+
     def _count(self, kind: Kind, messages: int, size: int) -> None:
         self._messages[kind] += messages
         self._bytes[kind] += size

@@ -108,7 +108,8 @@ class Bodies:
     uses, drains: what each store loses per metre and per second, shape (stores,)
     added: sensors besides those of the scenario
     sensors: all of them but those of sonars; None makes them
-    population: which of them are there, where robots come and go; `first` has those at the start then
+    population: which of them are there, where robots come and go; `first` has those at the start then, None for nobody
+    numbers: of the robots, from 0 upwards by default
     """
 
     def __init__(
@@ -120,6 +121,7 @@ class Bodies:
         sensors: tuple[Quantity, ...] | None = None,
         population: Population | None = None,
         first: Bodies | None = None,
+        numbers: Whole | None = None,
     ) -> None:
         self.population = population
         robots, specs = scenario.robots, scenario.each_type
@@ -145,7 +147,8 @@ class Bodies:
         own, all_ = len(self.sensors), len(self.sensors) + (ring.count + 1 if ring else 0)
         self.sensed: Floats = filled(np.nan, np.float64, all_, self.count)
         self.known: Floats = filled(np.nan, np.float64, own, self.count) if scenario.noise else self.sensed[:own]
-        self.numbers = population.numbers.astype(np.uint64) if population else count_up(self.count, np.uint64)
+        numbers = population.numbers if population else numbers
+        self.numbers = count_up(self.count, np.uint64) if numbers is None else numbers.astype(np.uint64)
         self.first_id = 1
         """What the first robot knows as its `id`; those of the others follow."""
         self.chance = self._chances()
@@ -193,7 +196,7 @@ class Bodies:
         self.contact = Bumpers(self.radii, far, self.near, machine) if robots.bumpers else None
         self.sonars = self._make_sonars(self.sensed[own:], cones)
         self.scanner = Scanner(laser, self.radii, self.near, seed, machine) if laser else None
-        if population and first:
+        if population:
             self._begin_with(first, np.flatnonzero(population.present))
         else:
             self._start()
@@ -207,15 +210,20 @@ class Bodies:
         """All arrays with a column for each robot that may be written, by name; some share their memory."""
         arrays = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
         arrays |= self.flight.columns if self.flight else {}
-        fixed = {"numbers", "chance", "radii", "slides", "rolls", "omni", "brakes"}
+        fixed = {"numbers", "chance", "radii", "slides", "rolls", "omni", "brakes", "uses", "drains"}
         return {name: each for name, each in arrays.items() if each.shape[-1:] == (self.count,) and name not in fixed}
 
-    def _begin_with(self, first: Bodies, rows: Whole) -> None:
+    def _begin_with(self, first: Bodies | None, rows: Whole) -> None:
         """Have these bodies in these rows, and none in all others, which stand at 0, 0."""
         for place in (self.x, self.y, self.heading, self.encoder_x, self.encoder_y, self.encoder_heading, self.speed):
             place[:] = 0.0
         self.mode[:] = Mode.DRIVE
-        given = first._columns
+        if first:
+            self.take_in(first, rows)
+
+    def take_in(self, others: Bodies, rows: Whole) -> None:
+        """Have these bodies, of the same scenario, in these rows."""
+        given = others._columns
         for name, column in self._columns.items():
             column[..., rows] = given[name]
 
@@ -596,7 +604,7 @@ class Bodies:
         whose start is `given`. Raises MisuseError if there is hardly any free place, or none where one is given."""
         again = "" if attempt is None else f" {attempt}"
         areas = [shape for shape in self.world.shapes.values() if isinstance(shape, Area | Circle)]
-        x, y = self._anywhere(again)
+        x, y = self.anywhere(again)
         for redraw in range(MAX_REDRAWS):
             wrong = np.flatnonzero(np.any([inside(area, x, y) for area in areas], axis=0)) if areas else ()
             if not len(wrong):
@@ -606,14 +614,14 @@ class Bodies:
                 raise StartError(
                     f"robot {first + 1} cannot start at {x[first]:g}, {y[first]:g} m: that is inside a wall"
                 )
-            other_x, other_y = self._anywhere(f"{again} redrawn {redraw}")
+            other_x, other_y = self.anywhere(f"{again} redrawn {redraw}")
             x[wrong], y[wrong] = other_x[wrong], other_y[wrong]
         raise MisuseError("where the robots start nearly everything is solid: let them start elsewhere (x, y, disc)")
 
-    def _anywhere(self, again: str) -> tuple[Floats, Floats]:
+    def anywhere(self, again: str) -> tuple[Floats, Floats]:
         """Random points of the rectangles or discs in which the robots start."""
         if self.parts[1:]:
-            places = [part._anywhere(again) for part in self.parts]
+            places = [part.anywhere(again) for part in self.parts]
             return np.concatenate([x for x, _ in places]), np.concatenate([y for _, y in places])
         robots = self.scenario.robots
         if robots.starts:

@@ -20,7 +20,7 @@ from sleepcast.robot import Geometry, Reading, RobotModel, Setpoint, hovering
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Floats, Mode, Saying, Whole
 from sleepcast.simulator.bodies.pilot import Pilot, Results, pilot_of
 from sleepcast.simulator.bodies.population import Population
-from sleepcast.simulator.scenario.population import comes_and_goes, sort_constants
+from sleepcast.simulator.scenario.population import hatches, sort_constants
 from sleepcast.simulator.scenario.robot_settings import TENTH, Ring, RobotSpec
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.sensors import sonar_sensors
@@ -432,7 +432,7 @@ def model_of(
             *(replace(each, writes=writes.get(each.name, ())) for each in _moving(scenario)),
             *_lacking(scenario, wheels if robots.wheels else ()),
             *_lacking(scenario, sonars if robots.geometry.sonars else ()),
-            *(POPULATION_FUNCTIONS if comes_and_goes(scenario) else ()),
+            *(POPULATION_FUNCTIONS if hatches(scenario) else ()),
             *functions,
         ),
         limits=robots.limits,

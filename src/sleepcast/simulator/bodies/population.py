@@ -3,10 +3,14 @@
 What robots ask for with HATCH and DIE in a tick is done at its end, at one time: first the children come, in the order
 of their parents' numbers, with the numbers that follow; then those go that are to die. A row that a robot leaves is
 taken again from the next tick on, the lowest one first. Chance goes by numbers, never by rows.
+
+Those whose time has come (`at`) come before all children; for them rows are kept free until then. Whoever comes without
+a parent, also because somebody has added it, is its own parent in a `Turnover`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import islice
 from math import isnan
 
@@ -15,7 +19,7 @@ from numpy.typing import NDArray
 
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.records import NamedTuple
-from sleepcast.simulator.scenario.population import rows_at_first, sorts_by_name
+from sleepcast.simulator.scenario.population import rows_at_first, sizes, sorts_by_name
 from sleepcast.simulator.scenario.robot_types import slices
 from sleepcast.simulator.scenario.scenario import Scenario
 
@@ -27,6 +31,8 @@ NOBODY = -1
 """The number in a row without a robot."""
 MAX_BIRTHS = 1 << 31
 """Numbers of one run: noise puts those of two robots into one word of 64 bits."""
+_NO_ROWS: Whole = np.zeros(0, np.intp)
+_NO_SHARES: Floats = np.zeros(0)
 MAX_CALLS = 64
 """Calls of HATCH by one robot in a tick: what they ask for is kept until its end."""
 
@@ -38,7 +44,8 @@ class PopulationError(SleepcastError):
 class Turnover(NamedTuple):
     """Who comes and goes at the end of a tick; rows.
 
-    parents, children: each child with its parent, in the order of the children's numbers
+    parents, children: each child with its parent, in the order of the children's numbers; one that nobody has hatched
+        with itself
     numbers: of the children, from 0
     shares: of each store of its parent that each child gets; 1 where it has as much as its parent
     givers, kept: the parents that give of their stores, and the share that each keeps
@@ -60,23 +67,40 @@ class Turnover(NamedTuple):
         """The rows of children and of the dead."""
         return np.concatenate((self.children, self.dead))
 
+    @property
+    def newcomers(self) -> Whole:
+        """The rows of those that nobody has hatched."""
+        newcomers: Whole = self.children[self.children == self.parents]
+        return newcomers
+
+
+def joined(turnovers: Sequence[Turnover]) -> Turnover:
+    """What has happened one after the other, at least one of them, as one."""
+    return Turnover(*map(np.concatenate, zip(*turnovers, strict=True)))
+
 
 class Population:
     """See the module. scenario: without room for more; roomy: with it.
 
     numbers: of the robot in each row, from 0, or `NOBODY`
     present: which rows have a robot
-    following: the number of the next child
+    following: the number of the next robot
+    added: how many people have added
+    awaited: the sorts of which robots are to come by themselves and have not come yet, by their time
     """
 
     def __init__(self, scenario: Scenario, roomy: Scenario) -> None:
         first, count = rows_at_first(scenario), roomy.robots.count
         self._slices = slices(roomy.each_type, count)
-        self.sorts = sorts_by_name(scenario.each_type)
+        self.specs = scenario.each_type
+        self.sorts = sorts_by_name(self.specs)
+        self.sizes = sizes(scenario)
+        """How many robots each sort has, those that come later among them."""
+        self.awaited = sorted((sort for sort, spec in enumerate(self.specs) if spec.at), key=self.time_of)
         self.numbers: Whole = np.full(count, NOBODY, np.intp)
         self.numbers[first] = np.arange(len(first))
         self.present: Flags = self.numbers >= 0
-        self.following = len(first)
+        self.following, self.added = len(first), 0
         self._asked: dict[int, list[tuple[int, int, float]]] = {}
         """Sort, how many, and the share of each store of every call of HATCH in this tick, by the parent's row."""
         self._dying: Flags = np.zeros(len(self.numbers), np.bool_)
@@ -100,9 +124,31 @@ class Population:
             return np.full(len(numbers), float(NOBODY))
         return np.where(known[order[at]] == numbers, rows[order[at]], NOBODY).astype(np.float64)
 
+    def time_of(self, sort: int) -> float:
+        """When the robots of a sort come, s."""
+        return self.specs[sort].at
+
     def room(self, sort: int) -> int:
-        """How many more of a sort may come."""
-        return int(np.count_nonzero(~self.present[self._slices[sort]]))
+        """How many more of a sort may come, besides those that are to come by themselves."""
+        return len(self._free(sort))
+
+    def _free(self, sort: int, kept: bool = True) -> list[int]:
+        """The rows for more of a sort, lowest first. kept: without those for robots that are to come by themselves."""
+        part = self._slices[sort]
+        rows: list[int] = (np.flatnonzero(~self.present[part]) + part.start).tolist()
+        return rows[: len(rows) - self.sizes[sort]] if kept and sort in self.awaited else rows
+
+    def come(self, sort: int, count: int, *, awaited: bool) -> Turnover:
+        """So many robots of a sort come, for which there is room. awaited: by themselves, because it is their time."""
+        rows = np.array(self._free(sort, kept=not awaited)[:count], np.intp)
+        if awaited:
+            self.awaited.remove(sort)
+        else:
+            self.added += count
+        numbers = np.arange(self.following, self.following + len(rows))
+        self.following += len(rows)
+        self.numbers[rows], self.present[rows] = numbers, True
+        return Turnover(rows, rows, numbers, np.ones(len(rows)), _NO_ROWS, _NO_SHARES, _NO_ROWS, _NO_ROWS)
 
     def hatch(self, row: int, sort: float, count: float, share: float) -> float:
         """HATCH by the robot in this row, see `FUNCTIONS`. Raises PopulationError."""
@@ -148,7 +194,7 @@ class Population:
         for whom there is no room. Each call gives of what those before it have left, or copies that: so nobody gives
         more than all."""
         asked, self._asked = self._asked, {}
-        free = [iter((np.flatnonzero(~self.present[each]) + each.start).tolist()) for each in self._slices]
+        free = [iter(self._free(sort)) for sort in range(len(self._slices))]
         placed, kept, refused = list[tuple[int, int, float]](), dict[int, float](), dict[int, None]()
         for parent in sorted(asked, key=lambda row: int(self.numbers[row])):
             for sort, count, share in asked[parent]:

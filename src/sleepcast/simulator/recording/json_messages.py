@@ -136,13 +136,14 @@ class StateBody(msgspec.Struct):
 
 
 class ObstaclesBody(msgspec.Struct, rename={"type_of": "type of"}):
-    """Solid things added, moved or removed before a tick."""  # as `packing` writes a `WorldChange`
+    """Solid things added, moved or removed, and robots added, before a tick."""  # as `packing` writes a `WorldChange`
 
     type_of: Annotated[str, Meta(extra_json_schema={"enum": ["WorldChange"]})]
     tick: _Tick
     put: Annotated[_Anything, Meta(description="solid things added or moved, by their numbers")]
     gone: Annotated[list[int], Meta(description="numbers of solid things removed")]
     own: Annotated[bool, Meta(description="whether the scenario itself caused it")]
+    came: Annotated[list[_Anything], Meta(description="robots that somebody has added, with their places")] = []
 
 
 class ArrivalBody(msgspec.Struct, omit_defaults=True):

@@ -56,6 +56,7 @@ from sleepcast.core.errors import MisuseError, SleepcastError, decimal_comma
 from sleepcast.core.model import Quantity
 from sleepcast.core.records import dataclass
 from sleepcast.core.units import UNITS
+from sleepcast.simulator.bodies.arrivals import Arrival
 from sleepcast.simulator.packing import pack
 from sleepcast.simulator.recording import foxglove
 from sleepcast.simulator.recording.foxglove import Level
@@ -159,17 +160,20 @@ class RecordingError(SleepcastError):
 
 @dataclass(frozen=True, slots=True)
 class WorldChange:
-    """A change of the solid things, by their numbers in the world, before anything moved in the tick of this number.
+    """A change of the solid things, by their numbers in the world, or of who is there, before anything moved in the
+    tick of this number.
 
     put: those added or moved
     gone: those removed
     own: whether the scenario itself caused it, so that it happens again when the run is repeated
+    came: robots that somebody has added
     """
 
     tick: int
     put: dict[str, Shape]
     gone: tuple[int, ...]
     own: bool = False
+    came: tuple[Arrival, ...] = ()
 
 
 class Recorder:
@@ -268,7 +272,7 @@ class Recorder:
         self._write(topic, round(time * NANO), msgspec.json.encode(body))
 
     def obstacles(self, time: float, change: WorldChange) -> None:
-        """Record that solid things were added, moved or removed."""
+        """Record that solid things were added, moved or removed, or robots added."""
         self._write(OBSTACLES, round(time * NANO), pack(change))
 
     def full(self, time: float) -> bool:

@@ -1,5 +1,5 @@
-"""Robots that come and go: where a scenario says `hatch = true` of a sort of them, more of it may come during a run,
-and any robot may go.
+"""Robots that come and go: where a scenario says `hatch = true` of a sort of them, robots may hatch more of it during a
+run, and any robot may go. Those of a sort with `at` come at that time, and people may add some of a sort with `most`.
 
 Whatever is kept of robots lies in arrays with a row for each. Where robots come and go there are as many rows as there
 may be robots at one time, sort by sort; a row is used again once its robot has gone. What tells robots apart is their
@@ -26,39 +26,60 @@ from sleepcast.simulator.scenario.scenario import Scenario
 
 
 def comes_and_goes(scenario: Scenario) -> bool:
-    """Whether robots come and go."""
+    """Whether robots come, or go."""
+    return any(spec.hatch or spec.most or spec.at for spec in scenario.each_type)
+
+
+def hatches(scenario: Scenario) -> bool:
+    """Whether robots hatch others, and go."""
     return any(spec.hatch for spec in scenario.each_type)
+
+
+def sizes(scenario: Scenario) -> list[int]:
+    """How many robots of each sort the scenario has, those that come later among them."""
+    return [part.stop - part.start for part in slices(scenario.each_type, scenario.robots.count)]
 
 
 def counts(scenario: Scenario) -> list[int]:
     """How many robots of each sort there are at the start."""
-    return [part.stop - part.start for part in slices(scenario.each_type, scenario.robots.count)]
+    return [0 if spec.at else size for spec, size in zip(scenario.each_type, sizes(scenario), strict=True)]
 
 
 def rooms(scenario: Scenario) -> list[int]:
     """How many robots of each sort there may be at one time."""
-    counted = zip(scenario.each_type, counts(scenario), strict=True)
-    return [max(count, spec.most or USUAL_ROOM * count) if spec.hatch else count for spec, count in counted]
+    sized = zip(scenario.each_type, sizes(scenario), strict=True)
+    return [max(size, spec.most or (USUAL_ROOM if spec.hatch else 1) * size) for spec, size in sized]
 
 
 def with_room(scenario: Scenario) -> Scenario:
     """The scenario with as many robots of each sort as there may be at one time. Raises MisuseError for too many."""
-    sized = zip(scenario.each_type, rooms(scenario), strict=True)
-    specs = tuple(_roomy(*each) for each in sized)
+    room = rooms(scenario)
+    if sum(room) > MAX_ROBOTS:
+        raise MisuseError(f"room for {sum(room)} robots is too much: at most {MAX_ROBOTS} fit. Say a lower most = ...")
+    return with_counts(scenario, room)
+
+
+def at_first(scenario: Scenario) -> Scenario:
+    """The scenario with the robots that are there at the start only."""
+    late = any(spec.at for spec in scenario.each_type)
+    return with_counts(scenario, counts(scenario)) if late else scenario
+
+
+def with_counts(scenario: Scenario, wanted: Sequence[int]) -> Scenario:
+    """The scenario with so many robots of each sort, perhaps none of some."""
+    specs = tuple(_sized(*each) for each in zip(scenario.each_type, wanted, strict=True))
     total = sum(spec.count for spec in specs)
-    if total > MAX_ROBOTS:
-        raise MisuseError(f"room for {total} robots is too much: at most {MAX_ROBOTS} fit. Say a lower most = ...")
     if not scenario.sorts:
         return replace(scenario, robots=specs[0])
     groups = tuple(group for spec in specs for group in spec.groups or (RobotGroup(spec.type, spec.count, {}),))
     return replace(scenario, robots=replace(scenario.robots, count=total, groups=groups), sorts=specs)
 
 
-def _roomy(spec: RobotSpec, room: int) -> RobotSpec:
-    """A sort, and its groups, with as many robots as there may be at one time."""
-    sizes = np.bincount(group_indices(spec.groups, room), minlength=len(spec.groups)) if spec.groups else ()
+def _sized(spec: RobotSpec, count: int) -> RobotSpec:
+    """A sort, and its groups, with so many robots."""
+    sizes = np.bincount(group_indices(spec.groups, count), minlength=len(spec.groups)) if spec.groups else ()
     groups = tuple(replace(group, count=int(size)) for group, size in zip(spec.groups, sizes, strict=True))
-    return replace(spec, count=room, groups=groups)
+    return replace(spec, count=count, groups=groups)
 
 
 def rows_at_first(scenario: Scenario) -> NDArray[np.intp]:
@@ -88,7 +109,8 @@ class NamesByRow(NameIndex):
 
     def __init__(self, scenario: Scenario) -> None:
         super().__init__()
-        self._first = tuple(names_of(scenario.each_type, scenario.robots.count))
+        first = at_first(scenario)
+        self._first = tuple(names_of(first.each_type, first.robots.count)) if first.robots.count else ()
         """The names at the start, which are the only ones that may have been chosen freely."""
         self._taken = frozenset(self._first)
         sized = zip(scenario.each_type, rooms(scenario), strict=True)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from math import inf, pi
 
 from sleepcast.core.quantities import Measure
-from sleepcast.core.records import dataclass
+from sleepcast.core.records import NamedTuple, dataclass
 from sleepcast.core.settings import Table, checked_name, shown_key
 from sleepcast.core.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME, UNITS, Dimension
 from sleepcast.robot import Geometry, Limits
@@ -163,8 +163,9 @@ class RobotSpec:
     groups: empty if all robots are alike
     slides: whether bodies slide along what they touch, instead of stopping there
     starts: where each of them starts, empty if that is left to chance
-    hatch: whether more of them may come during a run, and any of them go
-    most: how many of them there may be at one time then, 0 for `USUAL_ROOM` times as many as at the start
+    hatch: whether robots may hatch more of them during a run, and any robot go
+    most: how many of them there may be at one time; 0 for as many as `count`, or `USUAL_ROOM` times that with hatch
+    at: when they come, s; 0 for those that are there at the start
     flight: None for bodies on the ground
     z: of the start, m, uniform as x and y
     omni: whether it drives in every direction, on the ground
@@ -190,6 +191,7 @@ class RobotSpec:
     starts: Starts = ()
     hatch: bool = False
     most: int = 0
+    at: float = 0.0
     flight: FlightSpec | None = None
     z: tuple[float, float] = (0.0, 0.0)
     omni: bool = False
@@ -235,7 +237,7 @@ def read_robots(
         geometry, bumpers, slides = _body(table)
         omni = is_omni(table)
         ring = _ring(table) if table.has("sonar") else None
-        hatch, most = _coming(table, count, groups)
+        coming = _coming(table, count, groups)
         flight, limits = read_flight(table, limits) if table.has("flight") else (None, limits)
         highest = limits.ceiling if flight else 0.0
         if table.has("z") and not flight:
@@ -245,6 +247,9 @@ def read_robots(
         z = table.span("z", LENGTH, (Measure(0.0), Measure(0.0)), low=0.0, high=highest)
         if ring and geometry.sonars:
             raise table.error("sonar", "a robot has either sonars of [robots.body] or those of [robots.sonar]")
+        starts = read_starts(table, rows, size, highest)
+        if coming.at and isinstance(starts, tuple) and any(pose.name for pose in starts):
+            raise table.error("starts", "robots that come later are called by their numbers: leave their names out")
         return RobotSpec(
             type=kind,
             count=count,
@@ -263,9 +268,10 @@ def read_robots(
             in_rows=table.text("numbers", "by chance", choices=("by chance", "along rows")) == "along rows",
             groups=groups,
             slides=slides,
-            starts=read_starts(table, rows, size, highest),
-            hatch=hatch,
-            most=most,
+            starts=starts,
+            hatch=coming.hatch,
+            most=coming.most,
+            at=coming.at,
             flight=flight,
             z=(z[0].value, z[1].value),
             omni=omni,
@@ -278,22 +284,29 @@ def _wanders(robots: Table, *, flies: bool) -> bool:
     return robots.text("motion", usual, choices=choices) == "wander"
 
 
-def _coming(robots: Table, count: int, groups: tuple[RobotGroup, ...]) -> tuple[bool, int]:
-    """Whether robots come and go, and how many there may be."""
+class _Coming(NamedTuple):
+    """How robots of a table come and go; see `RobotSpec`."""
+
+    hatch: bool
+    most: int
+    at: float
+
+
+def _coming(robots: Table, count: int, groups: tuple[RobotGroup, ...]) -> _Coming:
+    """How robots come and go."""
     hatch = robots.flag("hatch", False)
-    if not hatch:
-        if robots.has("most"):
-            raise robots.error("most", "a bound of robots that come and go: say hatch = true, or leave this out")
-        return False, 0
-    if robots.has("sonar") and robots.table("sonar").has("pause"):
-        raise robots.error("hatch", "robots whose sonars fire one after the other do not come and go: leave pause out")
-    if len(groups) > 1:
-        raise robots.error("hatch", "robots of several groups do not come and go: make each group a table [[robots]]")
     most = robots.whole("most", low=1, high=MAX_ROBOTS) if robots.has("most") else 0
+    at = robots.number("at", TIME, low=LEAST, high=MAX_TIME) if robots.has("at") else 0.0
+    key = "hatch" if hatch else "at" if at else "most"
+    if key != "most" or most:
+        if robots.has("sonar") and robots.table("sonar").has("pause"):
+            raise robots.error(key, "robots whose sonars fire one after the other do not come and go: leave pause out")
+        if len(groups) > 1:
+            raise robots.error(key, "robots of several groups do not come and go: make each group a table [[robots]]")
     changed = robots.document.is_changed(shown_key((*robots.where, "count")))
     if 0 < most < count and not changed:
-        raise robots.error("most", f"there are {count} robots at the start: say at least as many")
-    return True, most
+        raise robots.error("most", f"the table has {count} robots: say at least as many")
+    return _Coming(hatch, most, at)
 
 
 def _disc(robots: Table, size: tuple[float, float]) -> tuple[float, float, float] | None:

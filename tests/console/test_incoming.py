@@ -43,6 +43,7 @@ GOOD = {
     "shift": {"serial": 1, "version": 2, "place": 3, "across": 1.5, "up": -1.0},
     "clear": {"serial": 1, "version": 2, "place": 3},
     "undo": {"serial": 1, "change": 4, "again": True},
+    "addrobot": {"serial": 1, "kind": "scout", "x": 2.0, "y": 3.5},
     "picture": {"serial": 1},
     "commands": {"serial": 1},
     "rows": {"serial": 1, "columns": ["fuel"], "sort": 0, "where": "(> x 5)", "first": 7, "count": 40, "again": True},

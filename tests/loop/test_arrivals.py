@@ -15,7 +15,8 @@ from machines import ALL
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.settings import SettingsError
-from sleepcast.loop import Swarm
+from sleepcast.loop import Swarm, resume
+from sleepcast.loop.rerun import InputLog, Rerun
 from sleepcast.simulator import Circle, Simulator, read_scenario
 from sleepcast.simulator.engine import Machine, choose
 
@@ -348,6 +349,41 @@ def test_recorded_runs_are_verified(tmp_path: Path, before: float) -> None:
             run.add_robot("sheep")
     verified = called_warm("replay", str(file), "--verify")
     assert (verified.status, "the same to the last bit" in verified.out) == (0, True), verified.out
+
+
+def test_a_run_again_from_any_moment_adds_each_robot_once() -> None:
+    with fleet() as run:
+        log = InputLog(run.swarm)
+        run.swarm.witnesses.append(log)
+        run.run(0.5)
+        states = [run.snapshot()]
+        run.add_robot("sheep", 12.0, 12.0)
+        states.append(run.snapshot())  # the same tick, with the robot
+        run.add_robot("sheep")
+        run.run(1)
+        states.append(run.snapshot())
+        run.add_robot()
+        run.run(1)
+        for state in states:
+            again = Rerun(resume(state), log.inputs)
+            while again.tick < run.swarm.simulator.tick:
+                again.step()
+            assert again.swarm.simulator.state_hash() == run.hash
+
+
+def test_where_another_future_has_no_room_a_robot_is_not_added_again() -> None:
+    with fleet(sort("sheep", 4, "hatch = true\nmost = 5")) as run:
+        log, state = InputLog(run.swarm), run.snapshot()
+        run.swarm.witnesses.append(log)
+        run.run(0.2)
+        run.add_robot()
+        run.run(0.1)
+        other = resume(state)
+        other.minds["sheep1"].evaluate("(HATCH sheep 1)")
+        again = Rerun(other, log.inputs)
+        while again.tick < 5:
+            again.step()
+        assert [*other.minds] == ["sheep1", "sheep2", "sheep3", "sheep4", "sheep5"]
 
 
 def test_worlds_at_once_come_to_the_same_as_each_alone() -> None:

@@ -143,8 +143,8 @@ def orders_of(swarm: Swarm, station: Station, inputs: Inputs, hold: Hold) -> lis
             ("A robot was added", "with at = ...") if first.came else ("Obstacles were changed", "as an event")
         )
         raise MisuseError(
-            f"{what} by hand at {at:g} s, which a test cannot repeat. Put that into the scenario {instead}, and play it "
-            "again."
+            f"{what} by hand at {at:g} s, which a test cannot repeat. Put that into the scenario {instead}, and play "
+            "it again."
         )
     tick = swarm.simulator.scenario.tick
     desks = {command.id: desk for desk, command in sent_commands(swarm, station)}

@@ -147,6 +147,11 @@ class Backend:
         return self.swarm.editor
 
     @property
+    def add_robot(self) -> Callable[[str, float | None, float | None], str] | None:
+        """Adds a robot of a type at x, y, m, and gives its name; None where none can be added."""
+        return getattr(self.swarm, "add_robot", None)
+
+    @property
     def picture(self) -> Picture | None:
         """The picture of the map, None if there is none."""
         return self.swarm.picture

@@ -117,7 +117,7 @@ class Marks:
             born, gone = born + len(new - old), gone + len(old - new)
         if (born or gone) and time - marked > TURNOVER_EVERY * time:
             kind = "turnover" if born and gone else "birth" if born else "death"
-            said = f"{_robots(born)} born" if born else "", f"{_robots(gone)} gone" if gone else ""
+            said = f"{_robots(born)} came" if born else "", f"{_robots(gone)} gone" if gone else ""
             self.add(time, kind, ", ".join(filter(None, said)))
             marked, born, gone = time, 0, 0
         self._turnover = marked, born, gone

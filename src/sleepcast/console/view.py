@@ -97,6 +97,7 @@ class Scene(msgspec.Struct, frozen=True):
     areas: those that robots know by name from the start, and ways
     obstacles: each is what lies inside an odd number of its closed outlines, lists of corners (x, y) in m
     version: of the obstacles, where people may change them; else None
+    addable: the types of robots that people may add
     commands: ready-made ones
     supplies: what robots use up when they drive, such as fuel
     blanks: numbers that ready-made commands name in braces
@@ -119,6 +120,7 @@ class Scene(msgspec.Struct, frozen=True):
     areas: tuple[NamedOutline, ...] = ()
     obstacles: tuple[tuple[Outline, ...], ...] = ()
     version: int | None = None
+    addable: tuple[str, ...] = ()
     commands: tuple[ReadyCommand, ...] = ()
     supplies: tuple[str, ...] = ()
     blanks: tuple[ShownSlider, ...] = ()

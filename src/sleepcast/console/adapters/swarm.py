@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from math import atan2, cos, hypot, inf, pi, sin
 from typing import cast
 
@@ -23,9 +25,10 @@ from sleepcast.core.model import NamedArea
 from sleepcast.fleet.failing import RECENT, FailingRule, failing_rules
 from sleepcast.language import Vocabulary
 from sleepcast.loop import Swarm
+from sleepcast.loop.population import add_robot
 from sleepcast.loop.swarm import Witness
 from sleepcast.simulator import Area, Circle, MapPicture, Scenario, Shape, Simulator, Wall
-from sleepcast.simulator.scenario.population import comes_and_goes, with_room
+from sleepcast.simulator.scenario.population import addable, comes_and_goes, with_room
 from sleepcast.simulator.scenario.robot_settings import RobotSpec
 from sleepcast.simulator.scenario.robot_types import slices
 from sleepcast.simulator.scenario.sliders import Slider
@@ -52,7 +55,9 @@ class SwarmAdapter:
         self.editor = editor_of(swarm.simulator)
         self._names = swarm.simulator.names
         scene = scene_of(now, tuple(self._names))
-        self._scene = msgspec.structs.replace(scene, version=self.editor.version if self.editor else None)
+        self._scene = msgspec.structs.replace(
+            scene, version=self.editor.version if self.editor else None, addable=addable(scenario)
+        )
         self.picture: Picture | None = None if self.map_picture is None else self.map_picture.png
         self._fields = FieldPictures(swarm.simulator)
         self.minds = swarm.fleet
@@ -111,6 +116,11 @@ class SwarmAdapter:
         """Where robots are, as of `packed_poses`."""
         simulator = self._swarm.simulator
         return packed_poses(*simulator.poses, simulator.heights)
+
+    @property
+    def add_robot(self) -> Callable[[str, float | None, float | None], str] | None:
+        """Adds a robot of a type at x, y, m, and gives its name; None where none can be added."""
+        return partial(add_robot, self._swarm) if self._scene.addable else None
 
     def obstacles(self) -> tuple[tuple[Outline, ...], ...] | None:
         """What is solid now, once that has changed."""

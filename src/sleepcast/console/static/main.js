@@ -1,6 +1,7 @@
 // The page: what any robots have, and the panes that fit those that are there. What a pane knows it is told here, or in
 // swarmpanes.js; panes do not know each other. Those that packages add get `page`.
 
+import { ArrivalTool } from "./arrivals.js";
 import { BodyLayer } from "./body.js";
 import { Drawer } from "./drawer.js";
 import { Filming } from "./filming.js";
@@ -48,6 +49,7 @@ wire.addEventListener("hello", ({ detail }) => {
   panes.greet(detail, scene);
   world.setScene(scene);
   obstacles.renew();
+  arrivals.renew();
   picture.setScene(scene);
   if (robot.index >= 0) wire.tell("watch", { robot: robot.index });
   panes.recolour();
@@ -125,6 +127,7 @@ const ACTIONS = [
   ["Trails on or off", "T", () => layers.toggle(panes.trails)],
   ["Measure a distance on the map", "M", () => press("measure")],
   ["Change obstacles", "", () => find("build").hidden || press("build")],
+  ["Add robots", "", () => find("add-robot").hidden || press("add-robot")],
   ["Picture under the map on or off", "", () => layers.toggle("picture")],
   ["Layers of the map", "", () => layers.open(true)],
   ["Save a picture of the map", "PNG", () => press("save-picture")],
@@ -157,6 +160,8 @@ layers.addEventListener("erase", ({ detail }) => panes.erase(detail));
 world.addEventListener("trails", () => layers.toggle(panes.trails));
 new BodyLayer(world, senses);
 const obstacles = new ObstacleTool(world, wire, find("obstacle-bar"), find("build"), undo);
+const arrivals = new ArrivalTool(world, wire, find("arrival-bar"), find("add-robot"), [obstacles]);
+find("build").addEventListener("click", () => arrivals.switch(false));
 const picture = new GroundPicture(document.querySelector(".ground-picture"), world, wire, undo);
 new Measure(world, find("measure"), find("heard"));
 const films = { picture: find("save-picture"), film: find("save-film") };

@@ -35,6 +35,11 @@ def hatches(scenario: Scenario) -> bool:
     return any(spec.hatch for spec in scenario.each_type)
 
 
+def addable(scenario: Scenario) -> tuple[str, ...]:
+    """The types of robots of which people may add some."""
+    return tuple(dict.fromkeys(spec.type for spec in scenario.each_type if spec.hatch or spec.most))
+
+
 def sizes(scenario: Scenario) -> list[int]:
     """How many robots of each sort the scenario has, those that come later among them."""
     return [part.stop - part.start for part in slices(scenario.each_type, scenario.robots.count)]

@@ -24,7 +24,7 @@ class AddRobot(PageMessage):
     y: Metres | None = None
 
 
-class Added(DeskMessage):
+class RobotAdded(DeskMessage):
     """A robot of this name is there now."""
 
     serial: int
@@ -42,8 +42,8 @@ class ArrivalSource(Protocol):
 
 
 @answers(then=only_now, lacking=FULL, recording=NO_ROBOTS)
-def add(source: ArrivalSource, asked: AddRobot) -> Added:
+def add(source: ArrivalSource, asked: AddRobot) -> RobotAdded:
     """Add a robot, which is seen at once, also while time stands still."""
     name = source.add_robot(asked.kind, asked.x, asked.y)
     source.driver.draw()
-    return Added(asked.serial, name)
+    return RobotAdded(asked.serial, name)

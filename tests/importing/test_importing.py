@@ -276,6 +276,9 @@ def test_a_fleet_of_crazyswarm2(imported: Import) -> None:
     assert set(at) == {"cf1", "cf3"}
     assert (at["cf1"][0] - at["cf3"][0], at["cf1"][1] - at["cf3"][1]) == (1.0, 0.25)
     assert "robots that are not enabled: they are not there" in found.left_out()
+    with sc.open(scenario.path.parent) as fleet:
+        assert fleet.send("(WHEN (NOT flying) (TAKEOFF 1m))").matched == ("cf1", "cf3")
+        assert fleet.run("4s", quiet=True)["z"].tolist() == pytest.approx([1.0, 1.0])
 
 
 def test_a_plan_of_qgroundcontrol(imported: Import) -> None:

@@ -1,4 +1,4 @@
-"""Crazyswarm2's `crazyflies.yaml`: its Crazyflies, of whom each enabled one starts where the file says.
+"""Crazyswarm2's `crazyflies.yaml`: its Crazyflies, of whom each enabled one starts where the file says, and flies.
 
 Addresses, firmware parameters and logging belong to the real ones: `sleepcast node --body crazyflie:...` takes them.
 """
@@ -15,8 +15,7 @@ from sleepcast.simulator.world.ros_map import yaml_document
 
 MAX_FILE = 1_048_576
 MAX_ROBOTS = 1_000
-CRAZYFLIE = Hardware(0.065, 1.0, 3.5, 2.0, solid=False)
-"""A Crazyflie 2.1 with its guards is 13 cm wide; the rest is what its commander makes of setpoints without haste."""
+CRAZYFLIE = Hardware(0.07, 0.5, 1.5, 1.0, solid=False, like="crazyflie")
 VERSION = 3
 """Of the file, as Crazyswarm2 writes it."""
 ROOM = 2.0
@@ -61,7 +60,7 @@ def _add(path: Path, found: Found, name: str, settings: object) -> None:
     if not isinstance(place, list) or len(place) not in (2, 3) or len(numbers) != len(place):
         raise SettingsError(f"{where}.initial_position: wanted [x, y, z] in metres, not {place!r:.60}")
     if len(place) == 3 and place[2]:
-        found.leave_out("heights at the start", "these robots move in a plane here")
+        found.leave_out("heights at the start", "all begin on the ground here")
     kind = str(settings.get("type", "crazyflie"))
     same = next((each for each in found.robots if each.type == kind), None)
     if same is None:

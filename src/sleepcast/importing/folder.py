@@ -209,6 +209,8 @@ class _Text:
 
     def _robot_type(self, robots: FoundRobots, names: set[str]) -> Iterator[str]:
         yield f'type = "{self._name(robots.type)}"'
+        if robots.hardware.like:
+            yield f'like = "{robots.hardware.like}"'
         yield 'motion = "still"'
         if robots.poses:
             yield "starts = ["
@@ -249,7 +251,9 @@ class _Text:
 
 
 def _hardware(hardware: Hardware) -> Iterator[str]:
-    """What the bodies of a type can do."""
+    """What the bodies of a type can do, unless they are like an included one."""
+    if hardware.like:
+        return
     yield from ("", "[robots.limits]", f'speed = "{_number(hardware.speed)}m/s"')
     yield f'turn_rate = "{_number(degrees(hardware.turn_rate))}deg/s"'
     yield f'acceleration = "{_number(hardware.acceleration)}m/s2"'

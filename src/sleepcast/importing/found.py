@@ -80,7 +80,8 @@ class Bitmap:
 @dataclass(frozen=True, slots=True)
 class Hardware:
     """What a type of robot can do. radius: of its body, m; speed: m/s; turn_rate: rad/s; acceleration: m/s2; track:
-    between its two wheels, m, 0 for a body without wheels; solid: whether it stops where it touches something."""
+    between its two wheels, m, 0 for a body without wheels; solid: whether it stops where it touches something; like:
+    the included type that it is, whose numbers these are, "" for one that only they describe."""
 
     radius: float
     speed: float
@@ -88,6 +89,7 @@ class Hardware:
     acceleration: float
     track: float = 0.0
     solid: bool = True
+    like: str = ""
 
 
 @dataclass(slots=True)

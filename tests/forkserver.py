@@ -9,6 +9,7 @@ much is loaded, or of two runs that must not share the seed of Python's hashes t
 
 from __future__ import annotations
 
+import atexit
 import ctypes
 import gc
 import os
@@ -115,6 +116,13 @@ class Server:
         with theirs:
             command = [sys.executable, __file__, str(theirs.fileno())]
             self._process = subprocess.Popen(command, pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL)
+        atexit.register(self.close)
+
+    def close(self) -> None:
+        """End the process, which waits for what we ask."""
+        self._line.shutdown(socket.SHUT_RDWR)  # whoever was forked from us has this end as well
+        self._line.close()
+        self._process.wait()
 
     def start(self, what: object, streams: Sequence[int]) -> int:
         """Start a process with these three streams; gives its number."""

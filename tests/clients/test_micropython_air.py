@@ -16,7 +16,7 @@ import pytest
 from msgspec.structs import replace
 
 from channel.test_udp import free_port
-from cli.calling import called_warm
+from cli.calling import again_until, called_warm
 from cli.test_swarm import swarm
 from clients import board
 from durable_cases import Do, try_all
@@ -35,6 +35,8 @@ ORDINARY = ["r1", "r2", "r3"]
 ALL = [*ORDINARY, "tiny"]
 QUIET = 2.5
 """Seconds after an old standing command for longer than which rules rest only if there are to be more."""
+HEARD_IN = 5.0
+"""Seconds until an instant of which the small robot hears in time to measure the clock, on a busy machine too."""
 PATIENT = 60.0
 
 
@@ -553,12 +555,12 @@ def alone(folder: Path, channel: str, tmp_path: Path) -> Iterator[Instants]:
 
 
 def test_what_waits_is_done_at_its_instant_by_the_clock_of_its_sender(alone: Instants) -> None:
-    sent = alone.wait(2.0)
+    sent = alone.wait(HEARD_IN)
     assert alone.do("lamp", Kind.ASK)["value"] == 0.0
     found = alone.second(sent)
     assert found["outcome"] in ("matched", "late")  # on a busy machine a tick may be late
     if found["outcome"] == "matched":
-        assert time.time() >= sent.issued + 2.0 - found["bound"]
+        assert time.time() >= sent.issued + HEARD_IN - found["bound"]
         assert 0.0 < found["bound"] < 1.0
         assert alone.do("lamp", Kind.ASK)["value"] == 0.25
 
@@ -622,18 +624,23 @@ def test_four_commands_wait_and_no_more(alone: Instants) -> None:
 
 def test_what_is_heard_after_its_instant_is_late(alone: Instants) -> None:
     alone.wait(50.0)
-    pause = time.monotonic() + 1.0
-    alone.serve(lambda: time.monotonic() > pause)  # it measures the clock
-    message, datagrams = alone.post("(AFTER-ISSUE 0.5s (SETQ lamp 1))")
-    pause = time.monotonic() + 1.5
-    alone.serve(lambda: time.monotonic() > pause, mends=False)
-    alone.send(*datagrams)
-    alone.serve(lambda: bool(alone.of(message)))
-    assert (alone.of(message)[-1]["outcome"], alone.of(message)[-1]["fault"][:11]) == ("late", "heard after")
+
+    def found() -> dict[str, Any]:
+        """What comes of a command that is sent a second after its instant."""
+        message, datagrams = alone.post("(AFTER-ISSUE 0.5s (SETQ lamp 1))")
+        pause = time.monotonic() + 1.5
+        alone.serve(lambda: time.monotonic() > pause, mends=False)
+        alone.send(*datagrams)
+        alone.serve(lambda: any("waiting" not in body for body in alone.of(message)))
+        return alone.of(message)[-1]
+
+    # On a busy machine it has not measured the clock by the first one.
+    late = again_until(lambda answer: "no bound of its clock" not in str(answer["fault"]), found)
+    assert (late["outcome"], late["fault"][:11]) == ("late", "heard after")
 
 
 def test_who_cannot_ask_for_the_time_does_nothing(alone: Instants) -> None:
-    message, datagrams = alone.post("(AFTER-ISSUE 2s (SETQ lamp 1))")
+    message, datagrams = alone.post(f"(AFTER-ISSUE {HEARD_IN}s (SETQ lamp 1))")
     alone.send(*datagrams)
     alone.serve(lambda: len(alone.of(message)) > 1, mends=False)
     assert alone.of(message)[-1]["fault"].startswith("not done: this robot has no bound of its clock")
@@ -643,8 +650,8 @@ def test_what_waits_outlasts_a_restart(folder: Path, channel: str, tmp_path: Pat
     uri = f"udp://239.255.83.79:{free_port()}?interface=lo"
     with Instants(uri) as desk:
         with tiny(folder, uri, tmp_path):
-            over, ahead = desk.wait(2.0), desk.wait(60.0)
-        time.sleep(max(0.0, over.issued + 2.5 - time.time()))
+            over, ahead = desk.wait(HEARD_IN), desk.wait(60.0)
+        time.sleep(max(0.0, over.issued + HEARD_IN + 0.5 - time.time()))
         with tiny(folder, uri, tmp_path):
             assert "not done" in desk.second(over)["fault"]
             assert desk.do("(CANCEL)")["value"] == 1.0

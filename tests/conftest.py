@@ -17,8 +17,11 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 import families
+from browsers import chromium, context, kept_chromium
 from sleepcast.core.files import cache_folder
 from slow import SLOW
+
+__all__ = ["chromium", "context", "kept_chromium"]
 
 # Programs under test are stopped by Ctrl-C. They inherit what this process does at it, and where a shell runs the tests
 # in the background, that is nothing.

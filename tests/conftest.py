@@ -122,8 +122,8 @@ def keep_to_counterparts(config: pytest.Config, items: list[pytest.Item]) -> Non
 
 
 def pytest_collection_finish() -> None:
-    """Ten thousand collected tests are kept to the end: the collector of garbage need not look at them each time."""
-    gc.collect()
+    """Ten thousand collected tests are kept to the end: the collector of garbage need not look at them each time. Nor
+    once: to find what little garbage is among them takes most of a second in each process."""
     gc.freeze()
     gc.enable()
 

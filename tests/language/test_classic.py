@@ -130,25 +130,30 @@ def test_there_are_cases_for_all_modes() -> None:
 SESSIONS = (Path(__file__).parent / "classic_sessions.jsonl").read_text(encoding="utf-8").splitlines()
 
 
-@pytest.mark.parametrize("number", range(len(SESSIONS)))
-def test_faithful_is_the_original(number: int) -> None:
-    """A session of the original: one list a line of [text, value, shown, messages, printed, memory].
+def test_faithful_is_the_original() -> None:
+    for number, session in enumerate(SESSIONS, 1):
+        follow(session, f"session {number}")
+
+
+def follow(session: str, where: str) -> None:
+    """A session of the original: lists of [text, value, shown, messages, printed, memory].
 
     The memory is V0 to V5, then E1 to E5 in shorts; null if the input left it as it was.
     """
     machine = ClassicMachine("faithful")
     values, buffers = machine.variables, {name: machine.buffer(name) for name in EXPRESSION_NAMES[1:]}
-    for text, value, shown, messages, printed, memory in json.loads(SESSIONS[number]):
+    for text, value, shown, messages, printed, memory in json.loads(session):
+        at = f"{where}: {text}"
         if memory is not None:
             first, *rest = ([int(short) for short in part.split()] for part in memory.split("|"))
             values = dict(zip(VARIABLE_NAMES, first, strict=True))
             buffers = {name: display(tokens).lstrip() for name, tokens in zip(EXPRESSION_NAMES[1:], rest, strict=True)}
-        assert machine.evaluate(text) == value, text
-        assert machine.show(text) == shown
-        assert [line for line in machine.messages if line.startswith("eval")] == messages, text
-        assert [line for line in machine.messages if not line.startswith("eval")] == printed, text
-        assert machine.variables == values, text
-        assert {name: machine.buffer(name) for name in buffers} == buffers, text
+        assert machine.evaluate(text) == value, at
+        assert machine.show(text) == shown, at
+        assert [line for line in machine.messages if line.startswith("eval")] == messages, at
+        assert [line for line in machine.messages if not line.startswith("eval")] == printed, at
+        assert machine.variables == values, at
+        assert {name: machine.buffer(name) for name in buffers} == buffers, at
 
 
 # The machine's interface

@@ -257,7 +257,7 @@ def test_what_the_scenario_lets_happen_is_recorded_and_happens_once_when_it_is_r
     timeline = load_timeline(load_recording(file))
     shown = timeline.obstacles.at(1.5)
     assert shown is not None
-    assert outlines(Circle(8.0, 6.0, 0.5)) in shown
+    assert outlines(Circle(8.0, 6.0, 0.5)) in shown.obstacles
 
 
 def changed_first(recording: Recording) -> int:
@@ -271,8 +271,11 @@ def test_the_page_shows_what_was_solid_when(changed: Recording) -> None:
     timeline, scene = load_timeline(earlier), load_timeline(earlier).scene.obstacles
     wall = Wall(((2.0, 2.0), (8.0, 2.0)))
     shown = timeline.obstacles.at(2.5)
-    assert shown == (*scene, outlines(Circle(5.0, 5.0, 0.4)), outlines(wall))
-    assert timeline.obstacles.at(3.5) == (*scene[1:], outlines(Wall(((2.0, 5.0), (8.0, 5.0)))))
+    assert shown is not None
+    assert shown.obstacles == (*scene, outlines(Circle(5.0, 5.0, 0.4)), outlines(wall))
+    later = timeline.obstacles.at(3.5)
+    assert later is not None
+    assert later.obstacles == (*scene[1:], outlines(Wall(((2.0, 5.0), (8.0, 5.0)))))
     assert load_timeline(changed).obstacles.at(5.0) == timeline.obstacles.at(3.5)
     with Program("replay", changed.file) as program, open_page(program) as page:
         told = page.until("obstacles", lambda found: True)

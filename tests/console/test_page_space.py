@@ -182,7 +182,7 @@ def test_forms_and_the_camera_are_right(rovers: Page) -> None:
         "forms",
         f"""(f) => {{
           const parts = [];
-          f.prisms([{[square, hole, island]}], 2, (contour, holes) => {{
+          f.prisms([{[square, hole, island]}], () => 2, (contour, holes) => {{
             parts.push([contour.length, holes.length, contour[0][0]]);
             return [];
           }});
@@ -190,6 +190,15 @@ def test_forms_and_the_camera_are_right(rovers: Page) -> None:
         }}""",
     )
     assert given == [[4, 1, 0], [4, 0, 4]], "what an odd number of outlines encloses is solid"
+    tops = calculated(
+        rovers,
+        "forms",
+        f"""(f) => [0, 1].map((one) => {{
+          const form = f.prisms([[{square}], [{hole}]].slice(one, one + 1), () => [3, 7][one], () => []);
+          return Math.max(...form.corners.filter((_, at) => at % 3 === 2));
+        }})""",
+    )
+    assert tops == [3, 7]
 
     seen = calculated(
         rovers,

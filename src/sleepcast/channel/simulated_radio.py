@@ -158,9 +158,11 @@ _URGENT = frozenset({Kind.STOP, Kind.RELEASE})
 
 _Metres = NDArray[np.float64]
 _PLAIN = (inf, inf)
-Between = Callable[[_Metres, _Metres, _Metres, _Metres], NDArray[np.integer] | NDArray[np.bool_]]
-"""How many walls lie between points: x and y of the beginnings of lines and of their ends, m; on a torus the shortest
-way. Where any wall is too many, whether there are any is enough."""
+Between = Callable[
+    [_Metres, _Metres, _Metres, _Metres, tuple[_Metres, _Metres] | None], NDArray[np.integer] | NDArray[np.bool_]
+]
+"""How many walls lie between points: x and y of the beginnings of lines and of their ends, and z of both where robots
+fly, m; on a torus the shortest way. Where any wall is too many, whether there are any is enough."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,9 +229,10 @@ class RadioCounts:
 
 
 class Radio:
-    """The air between the robots at `x`, `y` and their operator; see the module.
+    """The air between the robots at `x`, `y` and their operator, who is on the ground; see the module.
 
     x, y: metres, float64, shape (robots,); read whenever something is sent, never copied
+    z: likewise where robots fly, NaN of those on the ground; None where none does
     clock: the swarm's, which determines all times
     around: width and height of a torus, m; infinite for a plain world
     desks: how many operators listen
@@ -249,6 +252,7 @@ class Radio:
         clock: Clock,
         around: tuple[float, float] = _PLAIN,
         desks: int = 1,
+        z: _Metres | None = None,
         between: Between | None = None,
         party: Callable[[str], int] = lambda name: OPERATOR,
         numbers: NDArray[np.integer] | None = None,
@@ -258,7 +262,7 @@ class Radio:
         """The operators' numbers."""
         self.model = model
         self.counts = RadioCounts()
-        self._x, self._y, self._seed, self._clock, self._around = x, y, seed, clock, around
+        self._x, self._y, self._z, self._seed, self._clock, self._around = x, y, z, seed, clock, around
         self._between = between if model.wall < 1.0 else None
         self._party = party
         self._count = len(x)
@@ -449,7 +453,7 @@ class Radio:
         others = meant[meant != transmitter]
         if self.model.reach == inf and self._between is None:
             return others, others
-        near = self._within(float(self._x[transmitter]), float(self._y[transmitter]), self.model.reach)
+        near = self._within(self._place_of(transmitter), self.model.reach)
         return others, others[near[others]]
 
     def _everybody(self) -> Numbers:
@@ -462,17 +466,27 @@ class Radio:
         """Whether each robot is in reach of the operator; None if all are."""
         if self.model.operator is None or self._operator_is_near:
             return None
-        return self._within(*self.model.operator, self.model.operator_reach)
+        return self._within((*self.model.operator, 0.0), self.model.operator_reach)
 
-    def _within(self, x: float, y: float, reach: float) -> NDArray[np.bool_]:
+    def _place_of(self, robot: int) -> tuple[float, float, float]:
+        z = 0.0 if self._z is None else float(np.nan_to_num(self._z[robot]))
+        return float(self._x[robot]), float(self._y[robot]), z
+
+    def _within(self, place: tuple[float, float, float], reach: float) -> NDArray[np.bool_]:
+        """Whether each robot is in reach of this place, m."""
+        x, y, z = place
         dx, dy = np.abs(self._x - x), np.abs(self._y - y)
         dx, dy = np.minimum(dx, self._around[0] - dx), np.minimum(dy, self._around[1] - dy)
         square = dx * dx + dy * dy
+        heights = None if self._z is None else np.nan_to_num(self._z)
+        if heights is not None:
+            square += (heights - z) ** 2
         near: NDArray[np.bool_] = square <= reach * reach
         if self._between is not None:
             asked = np.flatnonzero(near)
             here = np.full(len(asked), x), np.full(len(asked), y)
-            walls = self._between(*here, self._x[asked], self._y[asked]).astype(np.int64)
+            levels = None if heights is None else (np.full(len(asked), z), heights[asked])
+            walls = self._between(*here, self._x[asked], self._y[asked], levels).astype(np.int64)
             near[asked] = square[asked] <= self._squares(reach, walls.max(initial=0))[walls]
         return near
 

@@ -317,7 +317,8 @@ class Backend:
         obstacles = self.swarm.obstacles()
         if obstacles is not None:
             editor = self.swarm.editor
-            yield outgoing.Obstacles(obstacles, editor.version if editor else None)
+            version = editor.version if editor else None
+            yield outgoing.Obstacles(obstacles.obstacles, version, obstacles.tall)
         names = self.swarm.scene.names
         if names is not self._first_names:
             yield outgoing.Roll(names)

@@ -76,10 +76,11 @@ class Alive(DeskMessage):
 
 
 class Obstacles(DeskMessage):
-    """What is solid now, where it is not as the scene says; both as there."""
+    """What is solid now, where it is not as the scene says; all as there."""
 
     obstacles: tuple[tuple[Outline, ...], ...]
     version: int | None = None
+    tall: tuple[float | None, ...] = ()
 
 
 class Roll(DeskMessage):

@@ -22,7 +22,7 @@ from sleepcast.console.features.sight import SightView
 from sleepcast.console.frames import pack
 from sleepcast.console.replay_client import ReplayAnswer
 from sleepcast.console.sensing import BodyKind
-from sleepcast.console.view import FieldPicture, Outline, Picture, Scene
+from sleepcast.console.view import FieldPicture, Picture, Scene, Solids
 from sleepcast.core.records import dataclass
 from sleepcast.core.units import value_in_words
 from sleepcast.fleet.failing import RECENT
@@ -138,7 +138,7 @@ class Timeline:
     values: Track[bytes] = field(default_factory=Track)
     rules: dict[str, Track[list[outgoing.ShownRule]]] = field(default_factory=dict)
     reports: dict[str, Track[str]] = field(default_factory=dict)
-    obstacles: Track[tuple[tuple[Outline, ...], ...]] = field(default_factory=Track)
+    obstacles: Track[Solids] = field(default_factory=Track)
     failures: Track[Failures] = field(default_factory=Track)
     names: Track[tuple[str, ...]] = field(default_factory=Track)
     numbers: dict[str, int] = field(default_factory=dict)
@@ -205,9 +205,10 @@ class Timeline:
         rows.keep([*latch, *range(count, len(rows.times))])
 
 
-def size_of_obstacles(solid: tuple[tuple[Outline, ...], ...]) -> int:
+def size_of_obstacles(solid: Solids) -> int:
     """Bytes that obstacles take, about."""
-    return PICTURE_OVERHEAD + sum(CORNER_SIZE * (1 + len(corners)) for outlines in solid for corners in outlines)
+    corners = sum(CORNER_SIZE * (1 + len(corners)) for outlines in solid.obstacles for corners in outlines)
+    return PICTURE_OVERHEAD + corners + CORNER_SIZE * len(solid.tall)
 
 
 def size_of_row(row: CommandRow) -> int:
@@ -244,7 +245,8 @@ def news_of(
     yield outgoing.Groups(_groups(timeline.marks_at(time), exact))
     if timeline.obstacles.times:
         changed = timeline.obstacles.at(time)
-        yield outgoing.Obstacles(timeline.scene.obstacles if changed is None else changed)
+        solid = timeline.scene if changed is None else changed
+        yield outgoing.Obstacles(solid.obstacles, tall=solid.tall)
     yield outgoing.Safety(timeline.latched_at(time), "STOP held at this time.")
     names = exact.names if exact is not None and exact.names else timeline.names_at(time)
     if timeline.names.times:

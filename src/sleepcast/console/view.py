@@ -83,6 +83,13 @@ class FieldPicture(msgspec.Struct, frozen=True):
     angles: bytes = b""
 
 
+class Solids(NamedTuple):
+    """What is solid, and how high that is; both as in a scene."""
+
+    obstacles: tuple[tuple[Outline, ...], ...]
+    tall: tuple[float | None, ...] = ()
+
+
 class Scene(msgspec.Struct, frozen=True):
     """What does not change while the swarm runs.
 
@@ -96,6 +103,7 @@ class Scene(msgspec.Struct, frozen=True):
     places, lights: where they are, with their names
     areas: those that robots know by name from the start, and ways
     obstacles: each is what lies inside an odd number of its closed outlines, lists of corners (x, y) in m
+    tall: how high each of them is, m, none without limit; empty where all are without
     version: of the obstacles, where people may change them; else None
     addable: the types of robots that people may add
     commands: ready-made ones
@@ -119,6 +127,7 @@ class Scene(msgspec.Struct, frozen=True):
     lights: tuple[MapLabel, ...] = ()
     areas: tuple[NamedOutline, ...] = ()
     obstacles: tuple[tuple[Outline, ...], ...] = ()
+    tall: tuple[float | None, ...] = ()
     version: int | None = None
     addable: tuple[str, ...] = ()
     commands: tuple[ReadyCommand, ...] = ()
@@ -235,7 +244,7 @@ class SwarmView(Protocol):
     def step(self) -> None:
         """One tick of everything: bodies, channel, minds, and the station's news of them."""
 
-    def obstacles(self) -> tuple[tuple[Outline, ...], ...] | None:
+    def obstacles(self) -> Solids | None:
         """What is solid now, as in the scene; None while it is what the scene says."""
 
     @property

@@ -199,7 +199,7 @@ class Swarm:
         self.minds: Mapping[str, RobotView] = self.fleet
         scenario = simulator.scenario
         self.fleet.telemetry.tick = self.fleet.timing.tick = scenario.tick
-        sight = simulator.bodies.sight
+        sight, flight = simulator.bodies.sight, simulator.bodies.flight
         self.radio = Radio(
             scenario.radio,
             simulator.x,
@@ -208,6 +208,7 @@ class Swarm:
             clock=self,
             around=scenario.around,
             desks=max(1, len(scenario.operators)),
+            z=None if flight is None else flight.z,
             between=sight.count_between if scenario.radio.wall else sight.any_between,
             party=self.party_of,
             numbers=None if simulator.population is None else simulator.population.numbers,

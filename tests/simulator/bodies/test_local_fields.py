@@ -33,8 +33,8 @@ def of_hill(*, gaussian: bool) -> ScalarField:
     return ScalarField("light", "", "", 2.0, (Hill(40.0, 30.0, 5.0, 12.0, gaussian),), (), None, None)
 
 
-def no_walls(x: Floats, y: Floats, to_x: Floats, to_y: Floats) -> NDArray[np.bool_]:
-    return np.zeros(len(x), bool)
+def no_walls(which: NDArray[np.intp], to_x: Floats, to_y: Floats) -> NDArray[np.bool_]:
+    return np.zeros(len(which), bool)
 
 
 def row(sim: Simulator, name: str) -> Floats:
@@ -235,7 +235,7 @@ class TestBehindWalls:
         assert isinstance(field, ScalarField)
         start = still_map(field, scenario, 20).values
         middles = cell_middles(20, 20, (20.0, 20.0))
-        wanted = values(field, *middles, (20.0, 20.0), PLAIN, sim.bodies.sight.any_between)[0]
+        wanted = values(field, *middles, (20.0, 20.0), PLAIN, sim.bodies.sight.from_points(*middles))[0]
         assert start.ravel().tolist() == wanted.tolist()
         assert still_map(field, scenario, 20, sim.world).values.tolist() == start.tolist()
         sim.world.clear()

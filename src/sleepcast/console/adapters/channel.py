@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
 from sleepcast.columns.values import Rows
-from sleepcast.console import KeptRule, NamedOutline, Outline, SafetyOrder, Scene
+from sleepcast.console import KeptRule, NamedOutline, SafetyOrder, Scene
 from sleepcast.console.frames import packed_poses
 from sleepcast.console.network import PendingExplanation
 from sleepcast.console.sensing import BodyView
-from sleepcast.console.view import FieldPicture, Picture
+from sleepcast.console.view import FieldPicture, Picture, Solids
 from sleepcast.core.errors import MisuseError, SleepcastError, printable
 from sleepcast.core.model import RestState
 from sleepcast.core.units import LENGTH, UNITS
@@ -201,7 +201,7 @@ class FleetAdapter:
         """What is solid around real robots is not changed by a page."""
         return None
 
-    def obstacles(self) -> tuple[tuple[Outline, ...], ...] | None:
+    def obstacles(self) -> Solids | None:
         """What is solid stays as in the scene."""
         return None
 

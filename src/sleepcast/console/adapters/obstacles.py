@@ -85,5 +85,5 @@ class WorldEditor:
 
 def editor_of(simulator: Simulator) -> WorldEditor | None:
     """What changes this world; None where its robots feel no obstacles, or there are too many of these."""
-    feels = any(sort.ring is not None or sort.bumpers for sort in simulator.scenario.each_type)
+    feels = any(sort.ring is not None or sort.bumpers or sort.flight for sort in simulator.scenario.each_type)
     return WorldEditor(simulator) if feels and len(simulator.world.shapes) <= MAX_THINGS else None

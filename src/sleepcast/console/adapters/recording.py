@@ -9,7 +9,7 @@ from sleepcast.channel import Kind
 from sleepcast.console.account_table import CommandRow
 from sleepcast.console.adapters.fields import still_picture
 from sleepcast.console.adapters.sight import RecordedSight
-from sleepcast.console.adapters.swarm import existing, kind_of, outlines, scene_of
+from sleepcast.console.adapters.swarm import existing, kind_of, scene_of, solids_of
 from sleepcast.console.failing import Failures, ShownFailing
 from sleepcast.console.frames import packed_poses
 from sleepcast.console.outgoing import ShownRule
@@ -160,7 +160,7 @@ class TimelineBuilder:
             self._solids.pop(number, None)
         for name, shape in change.put.items():
             self._solids[int(name)] = shape
-        self.timeline.obstacles.add(time, tuple(map(outlines, self._solids.values())))
+        self.timeline.obstacles.add(time, solids_of(self._solids.values()))
         self._shapes.add(time, tuple(self._solids.values()))
 
     def _keep(self, time: float, body: RulesBody) -> None:

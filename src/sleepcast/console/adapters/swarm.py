@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
 from math import atan2, cos, hypot, inf, pi, sin
@@ -20,7 +20,7 @@ from sleepcast.console.adapters.sight import senses_of, sight_now
 from sleepcast.console.features.sight import SightView
 from sleepcast.console.frames import packed_poses
 from sleepcast.console.sensing import BodyKind, BodyView
-from sleepcast.console.view import FieldPicture, Picture, PicturePlace, ShownSlider
+from sleepcast.console.view import FieldPicture, Picture, PicturePlace, ShownSlider, Solids
 from sleepcast.core.model import NamedArea
 from sleepcast.fleet.failing import RECENT, FailingRule, failing_rules
 from sleepcast.language import Vocabulary
@@ -47,7 +47,7 @@ class SwarmAdapter:
         self._swarm = swarm
         world = swarm.simulator.world
         self._world_version = world.version
-        self._obstacles: tuple[tuple[Outline, ...], ...] | None = None
+        self._obstacles: Solids | None = None
         # Not the scenario's walls: the swarm may come from a snapshot.
         scenario = swarm.simulator.scenario
         self.map_picture = existing(map_picture or scenario.picture)
@@ -122,12 +122,12 @@ class SwarmAdapter:
         """Adds a robot of a type at x, y, m, and gives its name; None where none can be added."""
         return partial(add_robot, self._swarm) if self._scene.addable else None
 
-    def obstacles(self) -> tuple[tuple[Outline, ...], ...] | None:
+    def obstacles(self) -> Solids | None:
         """What is solid now, once that has changed."""
         world = self._swarm.simulator.world
         if world.version != self._world_version:
             self._world_version = world.version
-            self._obstacles = tuple(outlines(shape) for shape in world.shapes.values())
+            self._obstacles = solids_of(world.shapes.values())
         return self._obstacles
 
     def field(self, name: str) -> FieldPicture:
@@ -168,6 +168,7 @@ def existing(picture: MapPicture | None) -> MapPicture | None:
 
 def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
     """What the page draws under the robots, which have these names."""
+    solid = solids_of(scenario.shapes)
     sorts = (with_room(scenario) if comes_and_goes(scenario) else scenario).each_type
     return Scene(
         title=scenario.title,
@@ -183,7 +184,8 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
         kinds=tuple(spec.type for spec in scenario.each_type) if len(scenario.each_type) > 1 else (),
         places=tuple(MapLabel(each.title, each.x, each.y, each.name) for each in scenario.named_points),
         areas=tuple(NamedOutline(area.name, _outline(area)) for area in scenario.areas),
-        obstacles=tuple(outlines(shape) for shape in scenario.shapes),
+        obstacles=solid.obstacles,
+        tall=solid.tall,
         lights=tuple(MapLabel(light.title, light.x, light.y) for light in scenario.lights),
         commands=tuple(replace(each, text=each.text.strip(), blank=each.blank.strip()) for each in scenario.commands),
         blanks=tuple(shown_slider(slider) for slider in scenario.sliders if slider.live),
@@ -206,6 +208,13 @@ def _outline(area: NamedArea) -> Outline:
         x, y, radius = area.sizes
         return outlines(Circle(x, y, radius))[0]
     return tuple(zip(area.sizes[::2], area.sizes[1::2], strict=True))
+
+
+def solids_of(shapes: Iterable[Shape]) -> Solids:
+    """These shapes as the page draws them."""
+    all_ = list(shapes)
+    tall = tuple(shape.tall for shape in all_)
+    return Solids(tuple(map(outlines, all_)), tall if any(each is not None for each in tall) else ())
 
 
 def outlines(shape: Shape) -> tuple[Outline, ...]:

@@ -96,15 +96,16 @@ export function farDisc() {
   return smooth(fan([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]]));
 }
 
-// What is solid, as prisms. obstacles: as in a scene. triangulate(contour, holes): gives triangles by the indices of their
-// corners, those of the contour first.
+// What is solid, as prisms. obstacles: as in a scene. high: gives how high each is, m, by its index. triangulate(contour,
+// holes): gives triangles by the indices of their corners, those of the contour first.
 export function prisms(obstacles, high, triangulate) {
   const triangles = [];
-  for (const outlines of obstacles) {
-    for (const outline of outlines) triangles.push(...sidesOf(outline, high));
+  for (const [index, outlines] of obstacles.entries()) {
+    const top = high(index);
+    for (const outline of outlines) triangles.push(...sidesOf(outline, top));
     for (const [contour, ...holes] of contours(outlines)) {
       const corners = [contour, ...holes].flat();
-      for (const corner of triangulate(contour, holes)) triangles.push(upwards(corner.map((at) => [...corners[at], high])));
+      for (const corner of triangulate(contour, holes)) triangles.push(upwards(corner.map((at) => [...corners[at], top])));
     }
   }
   return faceted(triangles);

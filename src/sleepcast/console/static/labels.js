@@ -1,10 +1,11 @@
-// The names on the map: of places, lights, areas, groups and robots. No two lie over each other. The farther away one is, the
+// The names on the map: of places, lights, areas, groups and robots; and how high obstacles are. No two lie over each other. The farther away one is, the
 // fewer robots have theirs; those that had it keep it while there is room, so that nothing flickers as one moves the map.
 // Among few robots a name hides none: it stands beside its robot, or above it.
 
 import { GLOW } from "./ground.js";
 import { inkOf, lookOfGroup } from "./shapes.js";
 import { font as fontOf, grown } from "./type.js";
+import { heightText } from "./view.js";
 
 const ALL = 45; // robots in sight that may all have their names
 const THINNING = 0.6; // with 10 times as many in sight, a quarter as many of them have their names
@@ -15,13 +16,15 @@ const TOGETHER = 90; // pixels: a group whose robots are farther from its middle
 const CODES = 256; // of groups in a frame; 0 is none
 const MAX = 6000; // robots in sight; with more, only the chosen one has its name
 
-const FONTS = { place: [13, 600], light: [13, 600], area: [12, 600], group: [12, 600], chosen: [12, 600], robot: [11], answer: [12, 600] }; // size and weight
+const FONTS = { place: [13, 600], light: [13, 600], area: [12, 600], tall: [11], group: [12, 600], chosen: [12, 600], robot: [11], answer: [12, 600] }; // size and weight
 
 export class Labels {
   constructor() {
     this.sprites = new Sprites();
     this.shown = new Map(); // robots that have their names, and whether these stand above them
     this.names = null; // those of the scene that `shown` is of
+    this.heights = []; // of obstacles, as of `heightsOf`
+    this.solid = null; // the obstacles that these are of
   }
 
   // what: {scene, frame, marks, colours, ratio, sizes: as of swarm.js, picked: 1 for each selected robot, robots: whether these and
@@ -71,16 +74,31 @@ export class Labels {
     for (const { name, x, y } of scene.places) put(name, "place", colours.place, view.toScreenX(x) + 17, view.toScreenY(y), 0);
     for (const { name, x, y } of scene.lights) put(name, "light", colours.ink, view.toScreenX(x) + 10, view.toScreenY(y) - 0.75 * GLOW, 0);
     for (const area of scene.areas) put(area.name, "area", colours.place, ...cornerOf(view, area), 0);
-    if (!what.robots && !what.replies) {
-      this.shown.clear();
-      return labels;
+    if (what.robots || what.replies) this.nameRobots(view, what, robot, put, width);
+    else this.shown.clear();
+    this.writeHeights(view, scene, colours, put, width);
+    return labels;
+  }
+
+  // Obstacles that are wide enough on the screen say how high they are.
+  writeHeights(view, scene, colours, put, width) {
+    if (scene.obstacles !== this.solid) {
+      this.solid = scene.obstacles;
+      this.heights = heightsOf(scene);
     }
+    for (const { text, x, y, size } of scene.tall?.length ? this.heights : []) {
+      const wide = width(text, fontOf(...FONTS.tall));
+      if (size * view.scale > wide + 2 * GAP) put(text, "tall", colours.quiet, view.toScreenX(x) - wide / 2, view.toScreenY(y), 0);
+    }
+  }
+
+  nameRobots(view, what, robot, put, width) {
+    const { scene, frame, colours } = what;
     for (const { code, x, y } of what.robots ? middles(view, frame) : []) {
       const group = scene.groups?.[code - 1];
       if (group) put(group.name, "group", colours.robots[inkOf(lookOfGroup(code))], x - width(group.name, FONTS.group) / 2, y, 0);
     }
     this.shown = this.some(view, what, robot);
-    return labels;
   }
 
   // Give robots their names: first who is pointed at or selected, then who had one, then others by their number.
@@ -110,6 +128,20 @@ export class Labels {
 function lies(x, y, size, left, middle, wide, half) {
   return x + size > left - 2 && x - size < left + wide + 2 && Math.abs(y - middle) < half + size;
 }
+
+// Of obstacles with a limited height, this as a text, their middles, and their longer sides, m.
+function heightsOf({ obstacles, tall, unit }) {
+  return obstacles.flatMap((outlines, index) => {
+    if (tall?.[index] == null) return [];
+    const [xs, ys] = [0, 1].map((axis) => outlines.flat().map((corner) => corner[axis]));
+    const [left, right, bottom, top] = [least(xs), most(xs), least(ys), most(ys)];
+    const size = Math.max(right - left, top - bottom);
+    return [{ text: `${heightText(tall[index], unit)} high`, x: (left + right) / 2, y: (bottom + top) / 2, size }];
+  });
+}
+
+const least = (numbers) => numbers.reduce((one, other) => Math.min(one, other));
+const most = (numbers) => numbers.reduce((one, other) => Math.max(one, other));
 
 function hits(boxes, left, top, right, bottom) {
   for (let at = 0; at < boxes.length; at += 4) {

@@ -65,7 +65,7 @@ wire.addEventListener("frame", ({ detail }) => {
 world.addEventListener("drawn", ({ detail }) => wire.tell("drawn", { number: detail.number }));
 
 wire.addEventListener("obstacles", ({ detail }) => {
-  world.setObstacles(detail.obstacles, detail.version);
+  world.setObstacles(detail.obstacles, detail.version, detail.tall);
   obstacles.renew();
 });
 

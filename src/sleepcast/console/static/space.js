@@ -21,8 +21,8 @@ const LIBRARY = "./vendor/three/three.module.min.js";
 const KEY = "space";
 const SHEET = 2048; // pixels of the longer side of the ground
 const SMALLEST = 5; // pixels: half a robot's length at least
-const WALL_RADII = 4; // radii of the largest body that walls are high where nothing says how high they are,
-const WALL_SHARE = 0.004; // and at least this part of the world's longer side
+const WALL_RADII = 4; // radii of the largest body that walls without a limit of their height are high,
+const WALL_SHARE = 0.004; // at least this part of the world's longer side, and as high as all others
 const DIMMED = 0.45; // of the colour of robots outside the lit ones
 const ZOOM_STEP = 1.4;
 const TURN_STEP = 40; // pixels of a hand that Shift and an arrow key are
@@ -191,8 +191,9 @@ export class Space {
     const [left, bottom, right, top] = scene.area;
     const largest = Math.max(...scene.sizes.map(([, radius]) => radius));
     solids.setShadow(dark(colours.area) ? 0.65 : 0.28);
-    const high = Math.max(WALL_RADII * largest, WALL_SHARE * Math.max(right - left, top - bottom));
-    solids.setWalls(scene.obstacles, high, colours.obstacle);
+    const tall = scene.tall ?? [];
+    const high = Math.max(WALL_RADII * largest, WALL_SHARE * Math.max(right - left, top - bottom), ...new Set(tall));
+    solids.setWalls(scene.obstacles, (index) => tall[index] ?? high, colours.obstacle);
   }
 
   // The ground as the map draws it.
@@ -254,7 +255,7 @@ export class Space {
     this.drawDrop();
     drawRings(pen, view, frame, sizes, marks, colours.chosen);
     const flat = (points) => points.map((point) => ({ ...point, ...this.onScreen(point.x, point.y, 0) }));
-    const scene = { ...world.scene, places: flat(world.scene.places), lights: flat(world.scene.lights), areas: [] };
+    const scene = { ...world.scene, places: flat(world.scene.places), lights: flat(world.scene.lights), areas: [], tall: [] };
     drawPlaces(pen, view, scene.places, colours);
     this.labels.draw(pen, view, { scene, frame, marks, colours, ratio, sizes, picked, replies, robots: world.shows("names") });
     for (const tool of world.tools) if (tool.anywhere) tool.draw(pen, this);

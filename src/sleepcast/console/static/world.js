@@ -106,11 +106,12 @@ export class World extends EventTarget {
     this.dispatchEvent(new CustomEvent("turnover", { detail: others }));
   }
 
-  // version: of the obstacles, where they may be changed.
-  setObstacles(obstacles, version) {
+  // version: of the obstacles, where they may be changed. tall: as in a scene.
+  setObstacles(obstacles, version, tall) {
     if (!this.scene) return;
     this.scene.obstacles = obstacles;
     this.scene.version = version;
+    this.scene.tall = tall;
     this.repaint("ground");
   }
 

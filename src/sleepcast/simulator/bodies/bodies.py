@@ -45,7 +45,7 @@ from sleepcast.simulator.simd.formulas import rotated, sine_cosine, wrap
 from sleepcast.simulator.sonar.cones import Cones
 from sleepcast.simulator.world.areas import inside
 from sleepcast.simulator.world.torus import wrap_position
-from sleepcast.simulator.world.world import Area, Circle, World
+from sleepcast.simulator.world.world import World, is_solid_throughout
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -181,7 +181,8 @@ class Bodies:
         """Those that fly; None where none does."""
         self.machine, self.laws = machine, laws_of(scenario)
         there = population.present if population else None
-        self.sight = LineOfSight(scenario, self.world, machine, (self.x, self.y), self.radii, there)
+        heights = self.flight.z if self.flight else None
+        self.sight = LineOfSight(scenario, self.world, machine, (self.x, self.y), self.radii, there, heights)
         self.parts = [self._part(*each) for each in zip(specs, self.of_each_type, strict=True)] if specs[1:] else [self]
         """The bodies of each robot type: views of these arrays, with the parameters of that type."""
         size, cones = (scenario.width, scenario.height), [self._cones(spec) for spec in specs]
@@ -195,11 +196,13 @@ class Bodies:
         self.near = Neighbours(size, cell, self.count, self.world, machine, scenario.around, farthest, there)
         self.contact = Bumpers(self.radii, far, self.near, machine) if robots.bumpers else None
         self.sonars = self._make_sonars(self.sensed[own:], cones)
-        self.scanner = Scanner(laser, self.radii, self.near, seed, machine) if laser else None
+        self.scanner = Scanner(laser, self.radii, self.near, seed, machine, heights) if laser else None
         if population:
             self._begin_with(first, np.flatnonzero(population.present))
         else:
             self._start()
+        if self.flight:
+            self.flight.look_below()
 
     def _chances(self) -> NDArray[np.uint64]:
         """The key of each robot for what is by chance."""
@@ -405,6 +408,8 @@ class Bodies:
         """Invalidate the spatial index and the sonar readings: bodies have moved."""
         self.near.forget()
         self.sight.moved = True
+        if self.flight:
+            self.flight.look_below()
         if self.scanner:
             self.scanner.forget()
         if self.sonars:
@@ -534,6 +539,8 @@ class Bodies:
         if self.sonars:
             yield from self.sonars.state()
         yield self.world.solids
+        if self.world.tops is not None:
+            yield self.world.tops
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """All arrays, by name, that a run changes and that the next ticks depend on."""
@@ -600,13 +607,16 @@ class Bodies:
             row[:] = np.where(carried, _spread((store.low, store.high), self.drawn(store.name)), 0.0)
 
     def _places(self, given: Flags, attempt: int | None = None) -> tuple[Floats, Floats]:
-        """Start positions outside of solid areas and discs; different ones for each further attempt, but for bodies
-        whose start is `given`. Raises MisuseError if there is hardly any free place, or none where one is given."""
+        """Start positions outside of what is solid, for what flies perhaps on its roof; different ones for each further
+        attempt, but for bodies whose start is `given`. Raises MisuseError if there is hardly any free place, or none
+        where one is given."""
         again = "" if attempt is None else f" {attempt}"
-        areas = [shape for shape in self.world.shapes.values() if isinstance(shape, Area | Circle)]
+        areas = [shape for shape in self.world.shapes.values() if is_solid_throughout(shape)]
+        lands = np.zeros(self.count, bool) if self.flight is None else self.flight.flies
         x, y = self.anywhere(again)
         for redraw in range(MAX_REDRAWS):
-            wrong = np.flatnonzero(np.any([inside(area, x, y) for area in areas], axis=0)) if areas else ()
+            within = [inside(area, x, y) & ~(lands & (area.tall is not None)) for area in areas]
+            wrong = np.flatnonzero(np.any(within, axis=0)) if areas else ()
             if not len(wrong):
                 return x, y
             if given[wrong].any():

@@ -39,7 +39,7 @@ def still_map(field: Field, scenario: Scenario, most: int, world: World | None =
         east, north = (each.reshape(rows, columns) for each in flow(field, x, y, scenario.around))
         return FieldMap(np.hypot(east, north), np.arctan2(north, east))
     sight = BetweenWalls(scenario, World(scenario.shapes) if world is None else world, NumPyMachine())
-    return FieldMap(values(field, x, y, size, scenario.around, sight.any_between)[0].reshape(rows, columns))
+    return FieldMap(values(field, x, y, size, scenario.around, sight.from_points(x, y))[0].reshape(rows, columns))
 
 
 def coarse(amount: Floats, most: int) -> FieldMap:

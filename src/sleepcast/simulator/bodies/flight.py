@@ -8,7 +8,7 @@ stands, or falls; what has crashed is locked and stays where it fell. `pilot` sa
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from math import nan
+from math import inf, nan
 from typing import Protocol
 
 import numpy as np
@@ -25,12 +25,14 @@ from sleepcast.simulator.scenario.robot_settings import RobotSpec
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.starts import Formation, start_heights
 from sleepcast.simulator.simd.formulas import rotated, shortest, sine_cosine, wrap
+from sleepcast.simulator.world.roofs import GROUND, Roofs
+from sleepcast.simulator.world.world import World
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Whole = NDArray[np.intp]
-GROUND = 0.0
-"""m: where the ground lies."""
+MARGIN = 1e-6
+"""m that bodies keep from the wall around a world, so that rounding never makes them touch it."""
 LANDS = -np.inf
 """The height of a body that lands."""
 
@@ -40,7 +42,7 @@ class Grounded(Protocol):
 
     count: int
     scenario: Scenario
-    fence: tuple[float, float, float, float]
+    world: World
     sensors: tuple[Quantity, ...]
     known: Floats
     stores: Floats
@@ -69,12 +71,21 @@ class Grounded(Protocol):
     def exhausted(self) -> Flags | None: ...
 
 
+def fence_of(scenario: Scenario, spec: RobotSpec) -> tuple[float, float, float, float]:
+    """Left, bottom, right and top edge between which the middles of bodies of this type fly, m."""
+    if scenario.torus:
+        return -inf, -inf, inf, inf
+    margin = 0.0 if scenario.fenced else spec.geometry.radius + MARGIN
+    return margin, margin, scenario.width - margin, scenario.height - margin
+
+
 class Flight:
     """The flying bodies among all; arrays of shape (count,), of which those of bodies on the ground mean nothing.
 
     z: above the origin, m; nan of bodies on the ground, as all that they sense
     turn_rate, height, climb_rate, armed, flying: as `hovering.sensors` say
     crashed: 1 of those that have crashed
+    ground: how high the ground or the roof below each body is, m
     velocity_x, velocity_y: over the ground, m/s
     wanted_side, wanted_climb: of the actuators, m/s, beside the wanted speed and turn rate of `Bodies`
     target_z: where it is to come to, m; nan for nowhere, `LANDS` for the ground
@@ -88,6 +99,10 @@ class Flight:
         self.z, self.turn_rate, self.height = rows["z"], rows["turn_rate"], rows["height"]
         self.climb_rate, self.armed, self.flying = rows["climb_rate"], rows["armed"], rows["flying"]
         self.crashed = rows[CRASHED]
+        self._roofs = Roofs(bodies.world, bodies.scenario.around)
+        self._version = -1
+        """Of the world in which it was looked last what lies below."""
+        self.ground: Floats = np.full(count, GROUND)
         self.way: Floats = np.zeros((3, count))
         """How far each body went in the last tick, m: in x, y and z."""
         self.velocity_x, self.velocity_y = np.zeros(count), np.zeros(count)
@@ -112,8 +127,9 @@ class Flight:
         names = ("speed", "turn_rate", "acceleration", "climb", "floor", "ceiling")
         columns = {name: bodies.by_type([getattr(each, name) for each in limits])[self._rows] for name in names}
         columns["sink"] = bodies.by_type(sink)[self._rows]
-        edges = (-np.inf, -np.inf, np.inf, np.inf) if bodies.scenario.torus else bodies.fence
-        return FlightLaws(**columns, edges=edges, tick=bodies.scenario.tick)
+        fences = [fence_of(bodies.scenario, spec) for spec in bodies.scenario.each_type]
+        left, bottom, right, top = (bodies.by_type(each)[self._rows] for each in zip(*fences, strict=True))
+        return FlightLaws(**columns, edges=(left, bottom, right, top), tick=bodies.scenario.tick)
 
     @property
     def columns(self) -> dict[str, NDArray[np.generic]]:
@@ -122,27 +138,40 @@ class Flight:
         return {name: getattr(self, name) for name in names}
 
     def start(self) -> None:
-        """Stand where the scenario says; who starts in the air hovers there."""
+        """Stand where the scenario says, or on the roof of what is there; who starts in the air hovers there."""
         for spec, part, which in self._each_type():
             if spec.flight is not None:
                 drawn = spec.z[0] + (spec.z[1] - spec.z[0]) * part.drawn("z")
                 listed = () if isinstance(spec.starts, Formation) else spec.starts
                 self.z[which] = start_heights(listed, part.count) if listed else drawn
-        rows = self._rows
-        up = self.z[rows] > GROUND
+        rows, bodies = self._rows, self._bodies
+        self.z[rows] = np.maximum(self.z[rows], self._roofs.below(bodies.x, bodies.y, np.full(bodies.count, inf))[rows])
+        self.look_below()
+        up = self.z[rows] > self.ground[rows]
         self.armed[rows] = self.flying[rows] = up
-        self.height[rows] = self.z[rows] - GROUND
+        self.height[rows] = self.z[rows] - self.ground[rows]
         self.climb_rate[rows] = self.turn_rate[rows] = self.crashed[rows] = 0.0
+
+    def look_below(self) -> None:
+        """Find out again what lies below, since bodies have moved or the world has changed."""
+        self._version = self._bodies.world.version
+        self.ground[:] = GROUND
+        if self._roofs:
+            rows, bodies = self._rows, self._bodies
+            self.ground[rows] = self._roofs.below(bodies.x[rows], bodies.y[rows], self.z[rows])
 
     # ---- a tick
 
     def step(self) -> None:
         """Move all that fly through a tick, and let it use up their batteries."""
         bodies, rows, laws = self._bodies, self._rows, self._laws
+        if self._version != bodies.world.version:
+            self.look_below()
+        ground, before = self.ground[rows], self.z[rows].copy()
         held = bodies.held[rows] & ~self._come_down_empty()[rows]
         self.target_z[rows] = np.where(self.wanted_climb[rows] != 0.0, nan, self.target_z[rows])
-        up = ((self.z[rows] > GROUND) | (self.target_z[rows] > GROUND)) & (self.armed[rows] > 0.0)
-        falls = (self.z[rows] > GROUND) & (self.armed[rows] == 0.0)
+        up = ((before > ground) | (self.target_z[rows] > ground)) & (self.armed[rows] > 0.0)
+        falls = (before > ground) & (self.armed[rows] == 0.0)
         moves = up & ~held
         turn = self._turn(moves)
         heading = wrap(bodies.heading[rows] + turn)
@@ -150,13 +179,13 @@ class Flight:
         rate = self._rise(moves, up, falls)
         way_x, way_y, way_z = east * laws.tick, north * laws.tick, rate * laws.tick
         way_z = np.where(falls, (self.climb_rate[rows] + rate) / 2.0 * laws.tick, way_z)
-        left, bottom, right, top = laws.edges
-        x, y = bounded(bodies.x[rows] + way_x, left, right), bounded(bodies.y[rows] + way_y, bottom, top)
-        self.way[:, rows] = x - bodies.x[rows], y - bodies.y[rows], way_z
+        x, y = flying.kept_within(laws, bodies.x[rows], bodies.y[rows], way_x, way_y)
+        self.way[:2, rows] = x - bodies.x[rows], y - bodies.y[rows]
         self.z[rows] += way_z
         bodies.x[rows], bodies.y[rows], bodies.heading[rows] = x, y, heading
         self.velocity_x[rows], self.velocity_y[rows], self.climb_rate[rows] = east, north, rate
-        self._touch_ground(up | falls)
+        self._touch_ground(up | falls, before)
+        self.way[2, rows] = self.z[rows] - before
         self._measure(turn / laws.tick)
         self._use(up, np.sqrt(way_x * way_x + way_y * way_y), way_z)
 
@@ -187,7 +216,7 @@ class Flight:
     def _rise(self, moves: Flags, up: Flags, falls: Flags) -> Floats:
         """The climb rate of each body."""
         rows, laws, target = self._rows, self._laws, self.target_z[self._rows]
-        wanted = flying.climbed(laws, self.height[rows], self.wanted_climb[rows])
+        wanted = flying.climbed(laws, self.height[rows], self.z[rows] - GROUND, self.wanted_climb[rows])
         there = np.isfinite(target)
         wanted = np.where(there, flying.raised(laws, np.where(there, target, 0.0) - self.z[rows]), wanted)
         wanted = np.where(target == LANDS, -laws.sink, wanted)
@@ -202,13 +231,15 @@ class Flight:
         self.rest(np.flatnonzero(empty), LANDS)
         return empty
 
-    def _touch_ground(self, moved: Flags) -> None:
-        """Let those stand that have come down; their motors stop."""
-        some = moved & (self.z[self._rows] <= GROUND)
+    def _touch_ground(self, moved: Flags, before: Floats) -> None:
+        """Let those stand that have come down to the ground or onto a roof; their motors stop. before: z, m"""
+        bodies, rows = self._bodies, self._rows
+        self.ground[rows] = ground = self._roofs.below(bodies.x[rows], bodies.y[rows], before)
+        some = moved & (self.z[rows] <= ground)
         if not some.any():
             return
-        which = np.flatnonzero(some) if isinstance(self._rows, slice) else self._rows[some]
-        self.z[which] = GROUND
+        which = np.flatnonzero(some) if isinstance(rows, slice) else rows[some]
+        self.z[which] = self.ground[which]
         self.armed[which] = 0.0
         self.settle(which)
         self.rest(which)
@@ -218,7 +249,7 @@ class Flight:
         ahead, _ = rotated(self.velocity_x[rows], self.velocity_y[rows], *sine_cosine(-bodies.heading[rows]))
         most = self._laws.speed
         bodies.speed[rows], self.turn_rate[rows] = bounded(ahead, -most, most), turn_rate
-        self.height[rows] = self.z[rows] - GROUND
+        self.height[rows] = self.z[rows] - self.ground[rows]
         self.flying[rows] = (self.height[rows] > 0.0) & (self.armed[rows] > 0.0)
 
     def _use(self, up: Flags, way: Floats, climb: Floats) -> None:
@@ -243,7 +274,7 @@ class Flight:
     def clear(self, which: Whole) -> None:
         """Leave nothing in the air of these, which are there no more: others would crash into it."""
         flown = which[self.flies[which]]
-        self.z[flown] = self.height[flown] = GROUND
+        self.z[flown] = self.height[flown] = self.ground[flown] = GROUND
         self.armed[flown] = self.flying[flown] = 0.0
         self.rest(which)
 
@@ -252,6 +283,11 @@ class Flight:
         self.locked[which] = True
         self.armed[which] = self.flying[which] = 0.0
         self.rest(which)
+
+    @property
+    def longest(self) -> float:
+        """How far any body may go across the ground in a tick, m."""
+        return float(np.max(self._laws.speed)) * self._laws.tick
 
     @property
     def empty(self) -> Flags | None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.world.grid import Floats, Whole
-from sleepcast.simulator.world.sight import Ends, Flags, SightLines, hidden, stops, unrolled
+from sleepcast.simulator.world.sight import Ends, Flags, Levels, SightLines, crossings, hidden, stops, unrolled
 from sleepcast.simulator.world.world import World
 
 
@@ -22,15 +24,26 @@ class BetweenWalls:
         """Take over what has changed in the world."""
         self.walls.keep_up(self._world)
 
-    def any_between(self, x: Floats, y: Floats, to_x: Floats, to_y: Floats) -> Flags:
-        """Whether walls lie between each point x, y and `to_x`, `to_y`, m; on a torus the shortest way."""
+    def any_between(self, x: Floats, y: Floats, to_x: Floats, to_y: Floats, levels: Levels | None = None) -> Flags:
+        """Whether walls lie between each point x, y and `to_x`, `to_y`, m; on a torus the shortest way. levels: z of
+        both, None on the ground."""
         self.keep_up()
-        return self._machine.hidden(self.walls, *self._ends(x, y, to_x, to_y))
+        ends = self._ends(x, y, to_x, to_y)
+        if levels is not None and self.walls.levels is not None:
+            return hidden(self.walls, *ends, levels=levels)
+        return self._machine.hidden(self.walls, *ends)
 
-    def count_between(self, x: Floats, y: Floats, to_x: Floats, to_y: Floats) -> Whole:
+    def from_points(self, x: Floats, y: Floats) -> Callable[[Whole, Floats, Floats], Flags]:
+        """Whether walls hide other places from those of these points, on the ground, whose indices are given."""
+        return lambda which, to_x, to_y: self.any_between(x[which], y[which], to_x, to_y)
+
+    def count_between(self, x: Floats, y: Floats, to_x: Floats, to_y: Floats, levels: Levels | None = None) -> Whole:
         """How many walls do."""
         self.keep_up()
-        return self._machine.crossings(self.walls, *self._ends(x, y, to_x, to_y))
+        ends = self._ends(x, y, to_x, to_y)
+        if levels is not None and self.walls.levels is not None:
+            return crossings(self.walls, *ends, levels=levels)
+        return self._machine.crossings(self.walls, *ends)
 
     def _ends(self, x: Floats, y: Floats, to_x: Floats, to_y: Floats) -> Ends:
         across, up = self._around
@@ -40,7 +53,8 @@ class BetweenWalls:
 class LineOfSight(BetweenWalls):
     """The lines of sight among bodies at x, y (m, changed in place).
 
-    radii: of the bodies, m
+    radii: of the bodies, m; as far up and down does a body that flies hide
+    heights: z of the bodies, m, NaN of those on the ground, changed in place; None where none flies
     there: which of them are there, None if all are; changed in place
     moved: whether bodies have moved since they were last looked at; set by who moves them
     """
@@ -53,17 +67,20 @@ class LineOfSight(BetweenWalls):
         places: tuple[Floats, Floats],
         radii: Floats,
         there: Flags | None = None,
+        heights: Floats | None = None,
     ) -> None:
         super().__init__(scenario, world, machine)
         self._discs = SightLines((scenario.width, scenario.height), scenario.around)
         self.moved = True
         self._places, self._radii, self._bodies_hide = places, radii, scenario.sight.bodies_hide
+        self._heights = heights
         self._there, self._disc_of = there, np.arange(len(places[0]))
         """The disc of each body."""
 
-    def behind_walls(self, robots: Whole, seen_x: Floats, seen_y: Floats) -> Flags:
-        """Whether walls hide from each of these robots what stands at `seen_x`, `seen_y`, m."""
-        return self.any_between(*self._places_of(robots), seen_x, seen_y)
+    def behind_walls(self, robots: Whole, seen_x: Floats, seen_y: Floats, seen: Whole | None = None) -> Flags:
+        """Whether walls hide from each of these robots what stands at `seen_x`, `seen_y`, m. seen: the robots that are
+        there; None if something on the ground is."""
+        return self.any_between(*self._places_of(robots), seen_x, seen_y, self._levels(robots, seen))
 
     def hidden(
         self, robots: Whole, seen_x: Floats, seen_y: Floats, *, walls: bool, senders: Whole | None = None
@@ -71,14 +88,15 @@ class LineOfSight(BetweenWalls):
         """Whether walls (if these count) or bodies (if the scenario says that they do) hide from each of these robots
         what stands at `seen_x`, `seen_y`, m. senders: the robots that stand there, if any do: no body hides itself, nor
         what is sent from it."""
-        found = self.behind_walls(robots, seen_x, seen_y) if walls else np.zeros(len(robots), bool)
+        found = self.behind_walls(robots, seen_x, seen_y, senders) if walls else np.zeros(len(robots), bool)
         if not self._bodies_hide:
             return found
         left = np.flatnonzero(~found)
         bodies = self._where_bodies_are()
         passing = [self._disc_of[each[left]] for each in ([robots] if senders is None else [robots, senders])]
         lines = self._ends(*self._places_of(robots[left]), seen_x[left], seen_y[left])
-        found[left] = hidden(bodies, *lines, passing=passing)
+        levels = self._levels(robots[left], None if senders is None else senders[left])
+        found[left] = hidden(bodies, *lines, passing=passing, levels=levels)
         return found
 
     def stops(
@@ -88,26 +106,36 @@ class LineOfSight(BetweenWalls):
         what stands there; infinite where it is seen. bodies: whether these count if the scenario says that they do; the
         rest as for `hidden`."""
         ends, found = self._ends(*self._places_of(robots), seen_x, seen_y), np.full(len(robots), np.inf)
+        levels = self._levels(robots, senders)
         if walls:
             self.keep_up()
-            found = stops(self.walls, *ends)
+            found = stops(self.walls, *ends, levels=levels)
         if bodies and self._bodies_hide:
             discs = self._where_bodies_are()
             passing = [self._disc_of[each] for each in ([robots] if senders is None else [robots, senders])]
-            found = np.minimum(found, stops(discs, *ends, passing=passing))
+            found = np.minimum(found, stops(discs, *ends, passing=passing, levels=levels))
         return found
 
     def _where_bodies_are(self) -> SightLines:
         """The bodies where they are now."""
         if self.moved:
             x, y = self._places
+            z = np.zeros(len(x)) if self._heights is None else np.nan_to_num(self._heights)
             radii = np.broadcast_to(self._radii, len(x))
             if self._there is not None:
-                x, y, radii = x[self._there], y[self._there], radii[self._there]
+                x, y, z, radii = (each[self._there] for each in (x, y, z, radii))
                 self._disc_of = np.cumsum(self._there) - 1
-            self._discs.put(np.stack((x, y, x, y, radii), axis=1))
+            levels = None if self._heights is None else (z - radii, z + radii)
+            self._discs.put(np.stack((x, y, x, y, radii), axis=1), levels)
             self.moved = False
         return self._discs
+
+    def _levels(self, robots: Whole, seen: Whole | None) -> Levels | None:
+        """z of these robots and of what they look at, None where none flies."""
+        if self._heights is None:
+            return None
+        z = np.nan_to_num(self._heights[robots])
+        return z, np.zeros(len(z)) if seen is None else np.nan_to_num(self._heights[seen])
 
     def _places_of(self, robots: Whole) -> tuple[Floats, Floats]:
         x, y = self._places

@@ -32,7 +32,7 @@ from sleepcast.simulator.world.torus import Around
 
 Sensed = tuple[Floats, Floats, Floats]
 """Value, slope to the east and slope to the north (per m), one for each point."""
-Hides = Callable[[Floats, Floats, Floats, Floats], NDArray[np.bool_]]
+Hides = Callable[[Whole, Floats, Floats], NDArray[np.bool_]]
 """Whether walls lie between points: x and y of each and of what it looks at, m. See `BetweenWalls.any_between`."""
 ROOT_OF_E = 1.6487212707001282
 
@@ -98,7 +98,7 @@ class LocalFields:
             if cells is not None:
                 value, dx, dy = cells.read(bodies.x, bodies.y)
             else:
-                value, dx, dy = values(field, bodies.x, bodies.y, size, scenario.around, bodies.sight.any_between)
+                value, dx, dy = values(field, bodies.x, bodies.y, size, scenario.around, bodies.sight.behind_walls)
             rows[0] = value
             rows[1], rows[2] = self._turned(dx, dy)
 
@@ -120,7 +120,7 @@ def values(field: ScalarField, x: Floats, y: Floats, size: tuple[float, float], 
         parts = _hill(hill, x, y, around)
         if hill.hidden:
             here = np.flatnonzero(parts[0])
-            behind = here[hides(x[here], y[here], np.full(here.size, hill.x), np.full(here.size, hill.y))]
+            behind = here[hides(here, np.full(here.size, hill.x), np.full(here.size, hill.y))]
             for part in parts:
                 part[behind] = 0.0
         for total, part in zip((value, dx, dy), parts, strict=True):
@@ -187,7 +187,8 @@ def _cells_of(bodies: Bodies, field: ScalarField) -> GrowingField | None:
     scenario, growth = bodies.scenario, field.growth
     size = (scenario.width, scenario.height)
     x, y = cell_middles(growth.columns, growth.rows, size)
-    start = values(field, x, y, size, scenario.around, bodies.sight.any_between)[0].reshape(growth.rows, growth.columns)
+    hides = bodies.sight.from_points(x, y)
+    start = values(field, x, y, size, scenario.around, hides)[0].reshape(growth.rows, growth.columns)
     chance = key(bodies.seed, "field", field.name)
     return GrowingField(growth, size, scenario.torus, scenario.tick, bodies.numbers, start, chance)
 

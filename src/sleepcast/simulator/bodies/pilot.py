@@ -6,6 +6,7 @@ A body that is stopped does nothing, and nothing is wrong with that; one that re
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from math import nan
 from typing import NamedTuple
@@ -15,13 +16,15 @@ import numpy as np
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.robot import Limits, hovering
 from sleepcast.simulator.bodies.bodies import Bodies, Flags, Floats, Whole
-from sleepcast.simulator.bodies.flight import GROUND, LANDS, Flight
+from sleepcast.simulator.bodies.flight import LANDS, Flight, fence_of
+from sleepcast.simulator.world.roofs import GROUND
 
 STAYS = "this robot does not fly"
 UNCUT = "this robot has no emergency stop"
 STOPPED = "it is stopped: RELEASE it first"
 EMPTY = "its battery is empty: it does not take off"
 
+Fence = tuple[float, float, float, float]
 Results = list[float | SleepcastError] | None
 """What came of a command on each of some bodies: 1, or why it failed; None where it failed on none."""
 
@@ -48,14 +51,16 @@ class Pilot(NamedTuple):
     def take_off(self, robots: Whole, height: Floats | None = None) -> Results:
         flight, told = self.flight, self._told(robots)
         heights = flight.usual_height(robots) if height is None else height
+        targets = heights + flight.ground[robots]
         self._refuse_heights(told, heights)
+        self._refuse_heights(told, targets)
         told.refuse(flight.locked[robots], hovering.LOCKED_MOTORS)
         exhausted = self.bodies.exhausted()
         if exhausted is not None:
             told.refuse(exhausted[robots], EMPTY)
         flight.rest(told.free)
         flight.armed[told.free] = 1.0
-        flight.target_z[told.free] = heights[told.obeys] + GROUND
+        flight.target_z[told.free] = targets[told.obeys]
         return told.results
 
     def touch_down(self, robots: Whole) -> Results:
@@ -81,7 +86,7 @@ class Pilot(NamedTuple):
         if z is None:
             told.refuse((flight.target_z[robots] == LANDS) & ~grounded, hovering.LANDING)
         else:
-            self._refuse_heights(told, z)
+            self._refuse_heights(told, z - GROUND)
         told.refuse(grounded, hovering.GROUNDED)
         height = flight.target_z[told.free] if z is None else z[told.obeys]
         flight.rest(told.free)
@@ -108,7 +113,7 @@ class Pilot(NamedTuple):
 
     def land(self, which: Whole) -> None:
         """Bring these bodies down where they are."""
-        up = self.flight.z[which] > GROUND
+        up = self.flight.z[which] > self.flight.ground[which]
         self.flight.rest(which)
         self.flight.target_z[which] = np.where(up, LANDS, nan)
 
@@ -125,29 +130,32 @@ class Pilot(NamedTuple):
         return told
 
     def _is_grounded(self, robots: Whole) -> Flags:
-        """Which of them stand on the ground, and are not about to leave it."""
-        up: Flags = (self.flight.z[robots] > GROUND) | (self.flight.target_z[robots] > GROUND)
+        """Which of them stand on the ground or a roof, and are not about to leave it."""
+        flight, ground = self.flight, self.flight.ground[robots]
+        up: Flags = (flight.z[robots] > ground) | (flight.target_z[robots] > ground)
         return ~up
 
     def _refuse_heights(self, told: _Told, heights: Floats) -> None:
         """Refuse heights, m, beyond the floor and the ceiling of each body."""
-        for limits, of_type in self._limits_of(told.robots):
+        for limits, _, of_type in self._limits_of(told.robots):
             wrong = of_type & ~((heights >= limits.floor) & (heights <= limits.ceiling))
             told.check(wrong, partial(_check_height, limits, heights))
 
     def _refuse_places(self, told: _Told, x: Floats, y: Floats) -> None:
-        """Refuse places, m, outside of the world; a torus has them all."""
-        left, bottom, right, top = self.bodies.fence
-        wrong = ~((x >= left) & (x <= right) & (y >= bottom) & (y <= top))
-        if self.bodies.scenario.torus or not wrong.any():
+        """Refuse places, m, outside of the world, or within a body's radius of the wall around it; a torus has them
+        all."""
+        if self.bodies.scenario.torus:
             return
-        for limits, of_type in self._limits_of(told.robots):
-            told.check(of_type & wrong, partial(_check_place, limits, x, y))
+        for limits, fence, of_type in self._limits_of(told.robots):
+            left, bottom, right, top = fence
+            wrong = ~((x >= left) & (x <= right) & (y >= bottom) & (y <= top))
+            told.check(of_type & wrong, partial(_check_place, replace(limits, fence=fence), x, y))
 
-    def _limits_of(self, robots: Whole) -> Iterator[tuple[Limits, Flags]]:
-        """The limits of each type, and which of the robots are of it."""
-        for part, which in zip(self.bodies.parts, self.bodies.of_each_type, strict=True):
-            yield part.limits, (robots >= which.start) & (robots < which.stop)
+    def _limits_of(self, robots: Whole) -> Iterator[tuple[Limits, Fence, Flags]]:
+        """The limits and the fence of each type, and which of the robots are of it."""
+        scenario = self.bodies.scenario
+        for spec, which in zip(scenario.each_type, self.bodies.of_each_type, strict=True):
+            yield spec.limits, fence_of(scenario, spec), (robots >= which.start) & (robots < which.stop)
 
 
 def _check_height(limits: Limits, heights: Floats, index: int) -> None:

@@ -96,7 +96,9 @@ class Predation:
             fits &= np.floor(place[prey] / side) == np.floor(place[hunter] / side)
         if bodies.scenario.sight.neighbours:
             some = np.flatnonzero(fits)
-            fits[some] = ~bodies.sight.behind_walls(hunter[some], bodies.x[prey[some]], bodies.y[prey[some]])
+            fits[some] = ~bodies.sight.behind_walls(
+                hunter[some], bodies.x[prey[some]], bodies.y[prey[some]], prey[some]
+            )
         hunter, prey, away = hunter[fits], prey[fits], away[fits]
         rank = np.empty(bodies.count, np.intp)
         rank[hunters] = np.arange(hunters.size)

@@ -93,7 +93,7 @@ class Neighbours:
         self._machine = machine
         self._images: Images | None = None
         self._points: Sorted | None = None
-        self._lines: Floats | None = None
+        self._lines: tuple[Floats, NDArray[np.intp]] | None = None
         self._listed: dict[float, CellLists] = {}
         self._in_sight: dict[float, Seen] = {}
         self._version = -1
@@ -130,6 +130,16 @@ class Neighbours:
     @property
     def lines(self) -> Floats:
         """The world's solids, and on a torus their images."""
+        return self._lines_and_rows()[0]
+
+    @property
+    def tops(self) -> Floats:
+        """How high these are, m above the ground; infinite without limit."""
+        lines, rows = self._lines_and_rows()
+        tops = self.world.tops
+        return np.full(len(lines), np.inf) if tops is None else tops[rows]
+
+    def _lines_and_rows(self) -> tuple[Floats, NDArray[np.intp]]:
         self._keep_up()
         if self._lines is None:
             self._lines = self._cells.solids(self.world.solids)

@@ -402,7 +402,7 @@ class RangeAndBearing:
         if self._hides:
             asked = np.flatnonzero(sensed)
             seen = other[asked]
-            sensed[asked] = ~bodies.sight.behind_walls(first[asked], bodies.x[seen], bodies.y[seen])
+            sensed[asked] = ~bodies.sight.behind_walls(first[asked], bodies.x[seen], bodies.y[seen], seen)
         pairs = Pairs(query.robots, query.radius, robot, other, dx, dy, away, dz)
         if not sensed.all():
             pairs, first = pairs.where(sensed), first[sensed]

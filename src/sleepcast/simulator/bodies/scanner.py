@@ -13,19 +13,34 @@ from numpy.typing import NDArray
 from sleepcast.core.counter_rng import key
 from sleepcast.simulator.bodies.proximity import Neighbours
 from sleepcast.simulator.engine import Machine
-from sleepcast.simulator.laser.beams import BeamScene
+from sleepcast.simulator.laser.beams import BeamScene, scan
 from sleepcast.simulator.scenario.scanners import LaserModel
 from sleepcast.simulator.sonar.cones import Ranges
 from sleepcast.simulator.world.grid import CellLists, Floats, Whole, list_solids
-from sleepcast.simulator.world.sight import joined
+from sleepcast.simulator.world.sight import joined_by_top
 
 Pose = tuple[Floats, Floats, Floats]
 
 
 class Scanner:
-    """The scanners of all bodies. radii: of the bodies, m; near: their spatial index; seed: of the run."""
+    """The scanners of all bodies, which measure on the level.
 
-    def __init__(self, model: LaserModel, radii: Floats, near: Neighbours, seed: int, machine: Machine) -> None:
+    radii: of the bodies, m
+    near: their spatial index
+    seed: of the run
+    heights: z of the bodies, m, NaN of those on the ground, changed in place; None where none flies
+    """
+
+    def __init__(
+        self,
+        model: LaserModel,
+        radii: Floats,
+        near: Neighbours,
+        seed: int,
+        machine: Machine,
+        heights: Floats | None = None,
+    ) -> None:
+        self._heights = heights
         self.model = model
         self._radii = np.ascontiguousarray(radii)
         self._near, self._machine, self._seed = near, machine, seed
@@ -35,6 +50,7 @@ class Scanner:
         self._version = -1
         """Of the world whose solids, in the frame of the cells, are these, listed for each cell."""
         self._solids = np.empty((0, 5))
+        self._tops: Floats | None = None
         self._listed = CellLists(np.empty(0, np.int32), np.empty(0, np.int32))
         self._ranges: Ranges = np.empty((0, model.beams), np.float32)
 
@@ -53,7 +69,8 @@ class Scanner:
         old = np.unique(robots[~self._fresh[robots]])
         if old.size:
             drawn = key(self._seed, "laser", tick) if self.model.noise else 0
-            self._ranges[old] = self._machine.scan(self.model, self._scene(pose), old, drawn)
+            look = self._machine.scan if self._heights is None else scan
+            self._ranges[old] = look(self.model, self._scene(pose), old, drawn)
             self._fresh[old] = True
         return self._ranges if len(robots) == len(self._fresh) and _all_in_order(robots) else self._ranges[robots]
 
@@ -62,10 +79,13 @@ class Scanner:
         points, images = near.points(x, y), near.images(x, y)
         whose = images.whose(np.arange(len(images.x)))
         if self._version != near.world.version:
-            self._version, self._solids = near.world.version, joined(near.lines)
+            self._version = near.world.version
+            tops = None if near.world.tops is None or self._heights is None else near.tops
+            self._solids, self._tops = joined_by_top(near.lines, tops)
             self._listed = list_solids(near.grid, self._solids, self.model.reach)
         where = (images.x, images.y, heading[whose], whose, self._radii)
-        return BeamScene(*where, near.grid, points, self._listed, self._solids)
+        z = None if self._heights is None else np.nan_to_num(self._heights)
+        return BeamScene(*where, near.grid, points, self._listed, self._solids, z, self._tops)
 
 
 def _all_in_order(robots: Whole) -> bool:

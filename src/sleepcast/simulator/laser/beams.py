@@ -45,6 +45,8 @@ class BeamScene(NamedTuple):
     grid, points: these in cells
     listed: the solids within the scanner's reach of each cell
     solids: see `world.World.solids`, in the frame of the cells
+    z: of the robots, m, where some fly: then beams hit only bodies that are no more than their radius higher or lower
+    tops: how high each of the solids is, m; infinite without limit
     """
 
     x: Floats
@@ -56,6 +58,8 @@ class BeamScene(NamedTuple):
     points: Sorted
     listed: CellLists
     solids: Floats
+    z: Floats | None = None
+    tops: Floats | None = None
 
 
 def scan(model: LaserModel, scene: BeamScene, which: Whole, key: int) -> Ranges:
@@ -90,6 +94,8 @@ def _meet_bodies(model: LaserModel, scene: BeamScene, which: Whole, free: Floats
     i, j = pairs(scene.grid, scene.points, x, y, far_of(model, float(radii.max(initial=0.0))), which)
     dx, dy, wide = x[j] - x[i], y[j] - y[i], radii[scene.whose[j]]
     met = (dx * dx + dy * dy <= far_of(model, wide) ** 2) & (scene.whose[j] != i)
+    if scene.z is not None:
+        met &= np.abs(scene.z[scene.whose[j]] - scene.z[i]) < wide
     _meet_discs(model, scene, which, free, (i[met], dx[met], dy[met], wide[met]))
 
 
@@ -101,6 +107,8 @@ def _meet_solids(model: LaserModel, scene: BeamScene, which: Whole, free: Floats
     rows = scene.solids[listed.items[items]]
     dx, dy = nearest_point(x[i], y[i], *rows[:, :4].T)
     near = dx * dx + dy * dy <= far_of(model, rows[:, 4]) ** 2
+    if scene.z is not None and scene.tops is not None:
+        near &= scene.z[i] < scene.tops[listed.items[items]]
     i, rows = i[near], rows[near]
     round_ = rows[:, 4] > 0.0
     at, discs = i[round_], rows[round_]

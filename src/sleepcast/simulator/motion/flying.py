@@ -38,7 +38,7 @@ class VectorLaws(Protocol):
 class FlightLaws(NamedTuple):
     """Of each body its limits, see `robot.Limits`, and `sink`, its climb rate in a landing, downwards.
 
-    edges: left, bottom, right and top one of the world, m, infinite where there are none
+    edges: left, bottom, right and top ones between which it flies, m, infinite where there are none
     tick: s
     """
 
@@ -49,7 +49,7 @@ class FlightLaws(NamedTuple):
     sink: Floats
     floor: Floats
     ceiling: Floats
-    edges: tuple[float, float, float, float]
+    edges: tuple[Floats, Floats, Floats, Floats]
     tick: float
 
 
@@ -92,6 +92,15 @@ def within_edges(laws: FlightLaws, x: Floats, y: Floats, east: Floats, north: Fl
     )
 
 
+def kept_within(laws: FlightLaws, x: Floats, y: Floats, way_x: Floats, way_y: Floats) -> tuple[Floats, Floats]:
+    """Where a body comes to by this way, m, which does not lead beyond the edges; one that is beyond them may stay."""
+    left, bottom, right, top = laws.edges
+    return (
+        bounded(x + way_x, np.minimum(left, x), np.maximum(right, x)),
+        bounded(y + way_y, np.minimum(bottom, y), np.maximum(top, y)),
+    )
+
+
 def steered(laws: VectorLaws, before: tuple[Floats, Floats], wanted: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
     """The velocity after a tick in which the one `before` became the wanted one, as far as acceleration allows."""
     dx, dy = wanted[0] - before[0], wanted[1] - before[1]
@@ -101,9 +110,10 @@ def steered(laws: VectorLaws, before: tuple[Floats, Floats], wanted: tuple[Float
     return before[0] + share * dx, before[1] + share * dy
 
 
-def climbed(laws: FlightLaws, height: Floats, wanted: Floats) -> Floats:
-    """The climb rate nearest to the wanted one that comes to rest before ceiling or floor."""
-    most = _least(laws.climb, speed_before(laws, laws.ceiling - height))
+def climbed(laws: FlightLaws, height: Floats, above_ground: Floats, wanted: Floats) -> Floats:
+    """The climb rate nearest to the wanted one that comes to rest before the ceiling, which counts from the ground, or
+    the floor, which counts from what lies below: `height` m under the body."""
+    most = _least(laws.climb, speed_before(laws, laws.ceiling - above_ground))
     least = _least(laws.climb, speed_before(laws, height - laws.floor))
     return bounded(wanted, -least, most)
 

@@ -1,4 +1,4 @@
-"""Which points lie inside a disc or a solid area.
+"""Which points lie inside a disc, a polygon or a solid area.
 
 A point is inside an area if a ray from it to the east crosses the outlines an odd number of times. The sides of an
 area are listed by horizontal strips, so that each point is compared only with the sides of its own strip.
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.simulator.world.grid import Floats, Whole, spread
-from sleepcast.simulator.world.world import Area, Circle, rows_of
+from sleepcast.simulator.world.world import Area, Circle, Polygon, rows_of
 
 LISTED_PER_SIDE = 4
 """Strips that a side is listed in, on average; this bounds the list for areas with long sides."""
@@ -19,7 +19,7 @@ MAX_PAIRS = 4_194_304
 """Pairs of points and sides processed at once: some hundred megabytes of arrays."""
 
 
-def inside(area: Area | Circle, x: Floats, y: Floats) -> NDArray[np.bool_]:
+def inside(area: Area | Circle | Polygon, x: Floats, y: Floats) -> NDArray[np.bool_]:
     """Whether each point x, y (m, shape (n,)) lies inside the area. Points on a lower or left side do, points on others
     do not."""
     if isinstance(area, Circle):

@@ -7,6 +7,9 @@ so that rounding on the way never misses anything; therefore the compiled walk o
 same cells in another order, comes to the same bits.
 
 All formulas change only their sign if the ends of the line are exchanged: in a plain world, who sees is seen.
+
+Where robots fly, solids hide between two heights, and only lines that are between these somewhere on their way through
+them (`Levels`).
 """
 
 from __future__ import annotations
@@ -27,6 +30,8 @@ Flags = NDArray[np.bool_]
 Singles = NDArray[np.float32]
 Ends = tuple[Floats, Floats, Floats, Floats]
 """x, y of the beginnings of lines, and of their ends, m."""
+Levels = tuple[Floats, Floats]
+"""z of the beginnings of lines, and of their ends; or for solids, above and below which heights they hide; m."""
 
 SLACK = 1e-6
 """By how much, in sides of a cell, cells list what lies beyond them: far more than what rounding moves a line by."""
@@ -208,6 +213,7 @@ class SightLines(SolidsByCell):
 
     version: counts the changes
     rows: of the solids that were put, for each one here: on a torus there are images, too
+    levels: between which heights these solids hide, None if at any
     """
 
     def __init__(self, size: tuple[float, float], around: Around = PLAIN) -> None:
@@ -223,11 +229,13 @@ class SightLines(SolidsByCell):
         """Take over what has changed in the world."""
         if self._world_version != world.version:
             self._world_version = world.version
-            self.put(joined(world.solids))
+            solids, tops = joined_by_top(world.solids, world.tops)
+            self.put(solids, None if tops is None else (np.full(len(tops), -inf), tops))
 
-    def put(self, solids: Floats) -> None:
-        """Let these rows of `world.World.solids` hide."""
+    def put(self, solids: Floats, levels: Levels | None = None) -> None:
+        """Let these rows of `world.World.solids` hide, between these heights."""
         self.version += 1
+        self.levels = levels
         self._wide.clear()
         images, self.rows = self._images(solids)
         across, up = self._covered
@@ -300,29 +308,55 @@ def joined(solids: Floats) -> Floats:
     return np.concatenate(rows)
 
 
-def hidden(lines: SightLines, x: Floats, y: Floats, to_x: Floats, to_y: Floats, passing: Sequence[Whole] = ()) -> Flags:
+def joined_by_top(solids: Floats, tops: Floats | None) -> tuple[Floats, Floats | None]:
+    """As `joined`, of things that are as high as `tops` says, m (None: without limit): only equally high ones."""
+    if tops is None:
+        return joined(solids), None
+    heights = np.unique(tops)
+    rows = [joined(solids[tops == top]) for top in heights]
+    return np.concatenate(rows), np.repeat(heights, [len(each) for each in rows])
+
+
+def hidden(
+    lines: SightLines,
+    x: Floats,
+    y: Floats,
+    to_x: Floats,
+    to_y: Floats,
+    passing: Sequence[Whole] = (),
+    levels: Levels | None = None,
+) -> Flags:
     """Whether anything hides each point `to_x`, `to_y` from x, y, m; in the world's frame, on a torus `unrolled`.
-    passing: rows of the solids that were put, one for each line, which do not hide it."""
+    passing: rows of the solids that were put, one for each line, which do not hide it; levels: of the lines, None on
+    the ground."""
     found = np.zeros(len(x), bool)
-    for _, _, which in _hits(lines, (x, y, to_x, to_y), passing, found):
+    for _, _, which in _hits(lines, (x, y, to_x, to_y), passing, levels, found):
         found[which] = True
     return found
 
 
-def stops(lines: SightLines, x: Floats, y: Floats, to_x: Floats, to_y: Floats, passing: Sequence[Whole] = ()) -> Floats:
+def stops(
+    lines: SightLines,
+    x: Floats,
+    y: Floats,
+    to_x: Floats,
+    to_y: Floats,
+    passing: Sequence[Whole] = (),
+    levels: Levels | None = None,
+) -> Floats:
     """At which share of each line, 0 to 1, the first thing lies that hides its end; infinite where nothing does, as
     `hidden` says."""
     found = np.full(len(x), inf)
-    for ends, items, which in _hits(lines, (x, y, to_x, to_y), passing):
-        np.minimum.at(found, which, _shares(ends, lines.solids[items]))
+    for ends, items, which in _hits(lines, (x, y, to_x, to_y), passing, levels):
+        np.minimum.at(found, which, _stretches(ends, lines.solids[items])[0])
     return found
 
 
 def _hits(
-    lines: SightLines, every: Ends, passing: Sequence[Whole], done: Flags | None = None
+    lines: SightLines, every: Ends, passing: Sequence[Whole], levels: Levels | None, done: Flags | None = None
 ) -> Iterator[tuple[Ends, Whole, Whole]]:
-    """What each line touches or crosses, from cell to cell: the ends of the line, the row of the solid, and the index
-    of the line. passing: as for `hidden`; done: as for `_met`."""
+    """What hides something on each line, from cell to cell: the ends of the line, the row of the solid, and the index
+    of the line. passing, levels: as for `hidden`; done: as for `_met`."""
     for first in range(0, len(every[0]) if lines else 0, AT_ONCE):
         some = slice(first, first + AT_ONCE)
         ends = every[0][some], every[1][some], every[2][some], every[3][some]
@@ -330,27 +364,45 @@ def _hits(
             hit = crossed(*_some(ends, which), lines.solids[items])
             for rows in passing:
                 hit &= lines.rows[items] != rows[first + which]
+            if levels is not None and lines.levels is not None:
+                met = np.flatnonzero(hit)
+                hit[met] = _between(lines, levels, first + which[met], _some(ends, which[met]), items[met])
             yield _some(ends, which[hit]), items[hit], first + which[hit]
 
 
-def _shares(ends: Ends, solids: Floats) -> Floats:
-    """At which share of each line it first meets its solid, which it touches or crosses."""
+def _between(lines: SightLines, levels: Levels, which: Whole, ends: Ends, items: Whole) -> Flags:
+    """Whether each of these lines is between the heights of its solid anywhere on its way through it. which: their
+    indices; items: the rows of the solids."""
+    assert lines.levels is not None
+    z, to_z = (each[which] for each in levels)
+    at_first, at_last = (z + share * (to_z - z) for share in _stretches(ends, lines.solids[items]))
+    low, high = (each[lines.rows[items]] for each in lines.levels)
+    between: Flags = (np.minimum(at_first, at_last) < high) & (np.maximum(at_first, at_last) > low)
+    return between
+
+
+def _stretches(ends: Ends, solids: Floats) -> tuple[Floats, Floats]:
+    """At which share of each line it first meets its solid, which it touches or crosses, and at which it leaves it."""
     x, y, to_x, to_y = ends
     x0, y0, x1, y1, radius = solids.T
     along_x, along_y = to_x - x, to_y - y
     square = along_x * along_x + along_y * along_y
     before, beside = (x0 - x) * along_x + (y0 - y) * along_y, (x0 - x) * along_y - (y0 - y) * along_x
-    turn = along_x * (y1 - y0) - along_y * (x1 - x0)
+    turn, end = along_x * (y1 - y0) - along_y * (x1 - x0), (x1 - x) * along_x + (y1 - y) * along_y
+    half = np.sqrt(np.maximum(radius * radius * square - beside * beside, 0.0))
     with np.errstate(divide="ignore", invalid="ignore"):
         wall = ((x0 - x) * (y1 - y0) - (y0 - y) * (x1 - x0)) / turn
-        nearest = np.minimum(before, (x1 - x) * along_x + (y1 - y) * along_y) / square  # of a wall along the line
-        disc = (before - np.sqrt(np.maximum(radius * radius * square - beside * beside, 0.0))) / square
-    found = np.where(radius > 0.0, disc, np.where(turn == 0.0, nearest, wall))
-    shares: Floats = np.clip(np.nan_to_num(found), 0.0, 1.0)  # a line without length meets it at once
-    return shares
+        nearest, farthest = np.minimum(before, end) / square, np.maximum(before, end) / square  # of a wall along it
+        disc, beyond = (before - half) / square, (before + half) / square
+    first = np.where(radius > 0.0, disc, np.where(turn == 0.0, nearest, wall))
+    last = np.where(radius > 0.0, beyond, np.where(turn == 0.0, farthest, wall))
+    first, last = (np.clip(np.nan_to_num(each), 0.0, 1.0) for each in (first, last))
+    return first, np.where(square == 0.0, 1.0, last)  # a line without length meets it at once, and never leaves it
 
 
-def crossings(lines: SightLines, x: Floats, y: Floats, to_x: Floats, to_y: Floats) -> Whole:
+def crossings(
+    lines: SightLines, x: Floats, y: Floats, to_x: Floats, to_y: Floats, levels: Levels | None = None
+) -> Whole:
     """How many solids each line touches or crosses; see `hidden`."""
     counts = np.zeros(len(x), np.int64)
     if not lines:
@@ -360,8 +412,10 @@ def crossings(lines: SightLines, x: Floats, y: Floats, to_x: Floats, to_y: Float
         ends = x[some], y[some], to_x[some], to_y[some]
         met = [which * len(lines.solids) + items for which, items in _met(lines, ends)]
         which, items = np.divmod(np.unique(np.concatenate(met)), len(lines.solids))
-        hit = which[crossed(*_some(ends, which), lines.solids[items])]
-        counts[some] = np.bincount(hit, minlength=len(ends[0]))
+        hit = crossed(*_some(ends, which), lines.solids[items])
+        if levels is not None and lines.levels is not None:
+            hit &= _between(lines, levels, first + which, _some(ends, which), items)
+        counts[some] = np.bincount(which[hit], minlength=len(ends[0]))
     return counts
 
 

@@ -59,17 +59,17 @@ class Cells:
             places, of = [np.concatenate(each) for each in zip(places, shifted, strict=True)], np.append(of, of[copied])
         return Images(places[0], places[1], of)
 
-    def solids(self, solids: Floats) -> Floats:
-        """These rows of `world.World.solids` and their images in the frame of the cells."""
+    def solids(self, solids: Floats) -> tuple[Floats, Whole]:
+        """These rows of `world.World.solids` and their images in the frame of the cells, and the row of each."""
         if self.around == PLAIN:
-            return solids
+            return solids, np.arange(len(solids))
         (width, height), (margin_x, margin_y) = self.around, self.margin
         shifts = [(i * width + margin_x, j * height + margin_y) for i in (0, 1, -1) for j in (0, 1, -1)]
         rows = np.concatenate([solids + np.array((x, y, x, y, 0.0)) for x, y in shifts])
         x, y, radius = rows[:, 0:4:2], rows[:, 1:4:2], rows[:, 4]
         near = (x.max(axis=1) + radius >= 0.0) & (x.min(axis=1) - radius <= width + 2.0 * margin_x)
         near &= (y.max(axis=1) + radius >= 0.0) & (y.min(axis=1) - radius <= height + 2.0 * margin_y)
-        return np.ascontiguousarray(rows[near])
+        return np.ascontiguousarray(rows[near]), np.tile(np.arange(len(solids)), len(shifts))[near]
 
 
 def cells_over(size: Around, around: Around, cell: float, reach: float, points: int) -> Cells:

@@ -3,6 +3,9 @@
 Each thing is stored twice: as it was defined, under a number and perhaps a name; and as *solids*, rows of one array
 that motion and sonar read. A solid is a stadium: all points within `radius` of a line segment. The side of a polygon
 or a piece of wall is a stadium without a radius, a circle is one without a length.
+
+Things stand on the ground and are `tall` m high, or without limit (None). What flies passes over those that are lower,
+and circles, areas and polygons with a limit are solid up to a flat roof.
 """
 
 from __future__ import annotations
@@ -10,8 +13,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from itertools import pairwise
-from math import ceil, isfinite
+from math import ceil, inf, isfinite
 from types import MappingProxyType
+from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,10 +36,12 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Polygon:
-    """A closed line through `corners` (x, y in m), clockwise or not. Bodies stay on the side they are on."""
+    """A closed line through `corners` (x, y in m), clockwise or not. Bodies stay on the side they are on; one with a
+    limited height is a building, in which none starts."""
 
     corners: tuple[Point, ...]
     name: str = ""
+    tall: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +51,7 @@ class Area:
 
     outlines: tuple[tuple[Point, ...], ...]
     name: str = ""
+    tall: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +62,7 @@ class Circle:
     y: float
     radius: float
     name: str = ""
+    tall: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +71,7 @@ class Wall:
 
     points: tuple[Point, ...]
     name: str = ""
+    tall: float | None = None
 
 
 Shape = Polygon | Area | Circle | Wall
@@ -76,6 +85,7 @@ class World:
         self._shapes: dict[int, Shape] = {}
         self._sides = 0
         self._rows: NDArray[np.float64] | None = None
+        self._tops: NDArray[np.float64] | None = None
         self._next = 1
         self.version = 0
         for shape in shapes:
@@ -92,6 +102,14 @@ class World:
             rows = (row for shape in self._shapes.values() for row in rows_of(shape))
             self._rows = np.fromiter(rows, np.dtype((np.float64, 5)))
         return self._rows
+
+    @property
+    def tops(self) -> NDArray[np.float64] | None:
+        """How high each of the solids is, m above the ground, shape (n,); None if all are without limit."""
+        if self._tops is None and any(shape.tall is not None for shape in self._shapes.values()):
+            tops = ((inf if shape.tall is None else shape.tall, shape) for shape in self._shapes.values())
+            self._tops = np.array([top for top, shape in tops for _ in rows_of(shape)])
+        return self._tops
 
     def add(self, shape: Shape) -> int:
         """Add a thing and return its number. Raises MisuseError for an invalid shape."""
@@ -162,11 +180,18 @@ class World:
 
     def _changed(self) -> None:
         self.version += 1
-        self._rows = None
+        self._rows = self._tops = None
+
+
+def is_solid_throughout(shape: Shape) -> TypeGuard[Area | Circle | Polygon]:
+    """Whether no body starts in it; if its height is limited, it has a roof."""
+    return isinstance(shape, Area | Circle) or (isinstance(shape, Polygon) and shape.tall is not None)
 
 
 def rows_of(shape: Shape) -> list[Row]:
     """The solids of a shape. Raises MisuseError for an invalid shape."""
+    if shape.tall is not None and not 0.0 < shape.tall < inf:
+        raise MisuseError(f"nothing can be {shape.tall:g} m tall: wanted a number above 0, or None for no limit")
     if isinstance(shape, Circle):
         if not (isfinite(shape.x) and isfinite(shape.y) and 0.0 < shape.radius < float("inf")):
             raise MisuseError(f"no circle: {shape}; wanted finite numbers and a radius above 0")

@@ -24,7 +24,7 @@ from sleepcast.core.units import UNITS
 from sleepcast.simulator.bodies.bodies import MAX_SAYINGS, Mode, Saying
 from sleepcast.simulator.bodies.population import MAX_BIRTHS, NOBODY
 from sleepcast.simulator.packing import pack, unpack
-from sleepcast.simulator.scenario.fields import ScalarField, bounds_of_fields
+from sleepcast.simulator.scenario.fields import MAX_PARTS, ScalarField, bounds_of_fields
 from sleepcast.simulator.scenario.flight import HIGHEST
 from sleepcast.simulator.scenario.population import rooms
 from sleepcast.simulator.scenario.robot_settings import (
@@ -47,6 +47,7 @@ from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.signals import MAX_LIGHTS, MAX_QUEUE, MAX_SHARES, MAX_SHOWN_GROUPS
 from sleepcast.simulator.scenario.starts import MAX_STARTS, SLACK, Formation, Starts, start_columns
 from sleepcast.simulator.scenario.stocks import MAX_STOCKS
+from sleepcast.simulator.scenario.wind import FASTEST_WIND
 from sleepcast.simulator.simd.formulas import TURN
 from sleepcast.simulator.simulation import Simulator
 from sleepcast.simulator.sonar.firing import AT_ONCE, Firing
@@ -209,6 +210,9 @@ def _check(simulator: Simulator) -> None:
         for name in ("velocity_x", "velocity_y", "wanted_side", "wanted_climb"):
             within(bodies.flight.columns[name], -np.finfo(np.float64).max, np.finfo(np.float64).max, name)
         within(np.nan_to_num(bodies.flight.z), -2.0 * HIGHEST, 2.0 * HIGHEST, "z")
+        if air := bodies.flight.air:
+            within(np.stack((air.east, air.north)), -FASTEST_WIND, FASTEST_WIND, "wind")
+            within(np.nan_to_num((air.anchor_x, air.anchor_y)), -2.0 * MAX_WORLD, 2.0 * MAX_WORLD, "anchor")
     for ring in bodies.rings:
         columns = ring.arrays()
         if columns:
@@ -281,6 +285,10 @@ def _bounds(scenario: Scenario) -> Iterator[tuple[str, float, float, float]]:
         yield "rad to the first beam", scenario.laser.first, -TURN, TURN
         yield "rad between beams", scenario.laser.increment, LEAST_FIELD / MAX_BEAMS, TURN
         yield "m in reach of a scanner", scenario.laser.reach, LEAST, MAX_WORLD
+    if scenario.wind is not None:
+        yield "m/s of wind", scenario.wind.fastest, 0.0, FASTEST_WIND
+        yield "swirls of the wind", len(scenario.wind.flow.swirls), 0, MAX_PARTS
+        yield "m as a gust", scenario.wind.gust_size, LEAST, MAX_WORLD
     if scenario.predation is not None:
         yield "m in reach of who eats", scenario.predation.reach, LEAST, MAX_WORLD
         yield "m as a patch", scenario.predation.cell or MAX_WORLD, LEAST, MAX_WORLD

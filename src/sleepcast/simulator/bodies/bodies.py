@@ -399,6 +399,10 @@ class Bodies:
                     exhausted[which] |= row <= 0.0
         return exhausted if self.population is None else exhausted & self.population.present
 
+    def say_of(self, robot: int, text: str) -> None:
+        """Keep what is to be said of a robot now."""
+        self.say(Saying(self.time, robot, text))
+
     def say(self, saying: Saying) -> None:
         """Keep what a robot has spoken."""
         del self.sayings[: max(0, len(self.sayings) + 1 - MAX_SAYINGS)]

@@ -9,8 +9,9 @@ import numpy as np
 from sleepcast.core.records import dataclass
 from sleepcast.simulator.bodies.bodies import Floats
 from sleepcast.simulator.bodies.line_of_sight import BetweenWalls
-from sleepcast.simulator.bodies.local_fields import cell_middles, flow, values
+from sleepcast.simulator.bodies.local_fields import cell_middles, values
 from sleepcast.simulator.engine import NumPyMachine
+from sleepcast.simulator.motion.wind import flow
 from sleepcast.simulator.scenario.fields import Field, VectorField
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.world.world import World

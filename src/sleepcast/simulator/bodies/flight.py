@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 from sleepcast.core.model import Quantity
 from sleepcast.robot import Limits
 from sleepcast.robot.hovering import FASTEST_CLIMB
+from sleepcast.simulator.bodies.air import Air, pushed_down
+from sleepcast.simulator.bodies.proximity import Neighbours
+from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.motion import flying
 from sleepcast.simulator.motion.driving import DRIVE, GOTO, bounded
 from sleepcast.simulator.motion.flying import GRAVITY, FlightLaws
@@ -33,6 +36,7 @@ Flags = NDArray[np.bool_]
 Whole = NDArray[np.intp]
 MARGIN = 1e-6
 """m that bodies keep from the wall around a world, so that rounding never makes them touch it."""
+CARRIED = "is carried away: the wind is faster than it flies"
 LANDS = -np.inf
 """The height of a body that lands."""
 
@@ -42,7 +46,12 @@ class Grounded(Protocol):
 
     count: int
     scenario: Scenario
+    seed: int
+    tick: int
     world: World
+    near: Neighbours
+    machine: Machine
+    radii: Floats
     sensors: tuple[Quantity, ...]
     known: Floats
     stores: Floats
@@ -69,6 +78,8 @@ class Grounded(Protocol):
     def drawn(self, purpose: str, /) -> Floats: ...
 
     def exhausted(self) -> Flags | None: ...
+
+    def say_of(self, robot: int, text: str) -> None: ...
 
 
 def fence_of(scenario: Scenario, spec: RobotSpec) -> tuple[float, float, float, float]:
@@ -114,6 +125,9 @@ class Flight:
         self._rows = slice(None) if self.flies.all() else np.flatnonzero(self.flies)
         flights = [(spec.limits, spec.flight) for spec in specs]
         self._laws = self._laws_of([spec.limits for spec in specs], [each.sink if each else 1.0 for _, each in flights])
+        wind = bodies.scenario.wind
+        self.air = Air(wind, bodies.scenario, bodies.seed, count) if wind else None
+        """None where it stands still."""
         self._usual: Floats = bodies.by_type([each.height if each else nan for _, each in flights])
         """m above the ground to which a take-off leads that does not say it."""
         charged = BATTERY in bodies.store_names
@@ -135,7 +149,7 @@ class Flight:
     def columns(self) -> dict[str, NDArray[np.generic]]:
         """The arrays that a run changes, by name, besides what bodies sense."""
         names = ("velocity_x", "velocity_y", "wanted_side", "wanted_climb", "target_z", "locked")
-        return {name: getattr(self, name) for name in names}
+        return {name: getattr(self, name) for name in names} | (self.air.columns if self.air else {})
 
     def start(self) -> None:
         """Stand where the scenario says, or on the roof of what is there; who starts in the air hovers there."""
@@ -147,6 +161,8 @@ class Flight:
         rows, bodies = self._rows, self._bodies
         self.z[rows] = np.maximum(self.z[rows], self._roofs.below(bodies.x, bodies.y, np.full(bodies.count, inf))[rows])
         self.look_below()
+        if self.air:
+            self.air.blow(0.0, rows, bodies.x[rows], bodies.y[rows])
         up = self.z[rows] > self.ground[rows]
         self.armed[rows] = self.flying[rows] = up
         self.height[rows] = self.z[rows] - self.ground[rows]
@@ -175,6 +191,8 @@ class Flight:
         moves = up & ~held
         turn = self._turn(moves)
         heading = wrap(bodies.heading[rows] + turn)
+        if self.air:
+            self._be_blown(self.air, up)
         east, north = self._go(moves, up, heading)
         rate = self._rise(moves, up, falls)
         way_x, way_y, way_z = east * laws.tick, north * laws.tick, rate * laws.tick
@@ -210,8 +228,39 @@ class Flight:
         east, north = flying.within_edges(laws, bodies.x[rows], bodies.y[rows], east, north)
         moves = moves & (self.target_z[rows] != LANDS)
         wanted = np.where(moves, east, 0.0), np.where(moves, north, 0.0)
+        if self.air:
+            wanted = self._against_wind(self.air, up & ~(goes & moves), wanted)
         east, north = flying.steered(laws, (self.velocity_x[rows], self.velocity_y[rows]), wanted)
         return np.where(up, east, 0.0), np.where(up, north, 0.0)
+
+    def _be_blown(self, air: Air, up: Flags) -> None:
+        """Let wind that has changed, and downwash, change the velocities of bodies in the air."""
+        bodies, rows = self._bodies, self._rows
+        change_x, change_y = air.blow(bodies.tick * bodies.scenario.tick, rows, bodies.x[rows], bodies.y[rows])
+        self.velocity_x[rows] += np.where(up, change_x, 0.0)
+        self.velocity_y[rows] += np.where(up, change_y, 0.0)
+        for robot in self._indices(air.newly_carried(self._laws, rows, up)).tolist():
+            bodies.say_of(robot, CARRIED)
+        if air.washes:
+            everywhere = bodies.x, bodies.y, np.nan_to_num(self.z)
+            blowing = self.flies & (self.armed > 0.0) & (self.z > self.ground)
+            push = pushed_down(bodies.machine, bodies.near, everywhere, bodies.radii, blowing)
+            self.climb_rate[rows] -= np.where(up, push[rows] * self._laws.tick, 0.0)
+
+    def _against_wind(self, air: Air, may_rest: Flags, wanted: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
+        """The velocity over the ground of who wants this one: at rest it keeps its place, if no wind is too fast."""
+        bodies, rows, laws = self._bodies, self._rows, self._laws
+        around_x, around_y = bodies.scenario.around
+        rests = may_rest & (wanted[0] == 0.0) & (wanted[1] == 0.0)
+        held = air.hold(rows, rests, bodies.x[rows], bodies.y[rows])
+        dx = np.where(held, shortest(air.anchor_x[rows] - bodies.x[rows], around_x), 0.0)
+        dy = np.where(held, shortest(air.anchor_y[rows] - bodies.y[rows], around_y), 0.0)
+        back = flying.homed(laws, dx, dy)
+        return air.reached(laws, rows, *(np.where(held, to, want) for to, want in zip(back, wanted, strict=True)))
+
+    def _indices(self, some: Flags) -> Whole:
+        """The indices of these bodies among all; some: a flag for each that flies."""
+        return np.flatnonzero(some) if isinstance(self._rows, slice) else self._rows[some]
 
     def _rise(self, moves: Flags, up: Flags, falls: Flags) -> Floats:
         """The climb rate of each body."""
@@ -238,7 +287,7 @@ class Flight:
         some = moved & (self.z[rows] <= ground)
         if not some.any():
             return
-        which = np.flatnonzero(some) if isinstance(rows, slice) else rows[some]
+        which = self._indices(some)
         self.z[which] = self.ground[which]
         self.armed[which] = 0.0
         self.settle(which)
@@ -287,7 +336,8 @@ class Flight:
     @property
     def longest(self) -> float:
         """How far any body may go across the ground in a tick, m."""
-        return float(np.max(self._laws.speed)) * self._laws.tick
+        wind = self._bodies.scenario.wind
+        return (float(np.max(self._laws.speed)) + 2.0 * (wind.fastest if wind else 0.0)) * self._laws.tick
 
     @property
     def empty(self) -> Flags | None:
@@ -333,6 +383,8 @@ class Flight:
         """Let bodies be at rest at once, where they are."""
         self.velocity_x[which] = self.velocity_y[which] = 0.0
         self.climb_rate[which] = np.where(self.flies[which], 0.0, nan)
+        if self.air:
+            self.air.anchor_x[which] = self.air.anchor_y[which] = nan
 
     def speeds(self, which: Whole) -> Floats:
         """How fast these bodies are, in whatever direction, m/s; 0 for those on the ground."""

@@ -17,6 +17,7 @@ from sleepcast.core.model import HostFunction
 from sleepcast.simulator.bodies.bodies import Bodies, Floats, Whole
 from sleepcast.simulator.bodies.body import BodySenses, acting
 from sleepcast.simulator.bodies.growing_field import ADD, TAKE, GrowingField
+from sleepcast.simulator.motion.wind import flow
 from sleepcast.simulator.scenario.fields import (
     Field,
     Hill,
@@ -34,7 +35,6 @@ Sensed = tuple[Floats, Floats, Floats]
 """Value, slope to the east and slope to the north (per m), one for each point."""
 Hides = Callable[[Whole, Floats, Floats], NDArray[np.bool_]]
 """Whether walls lie between points: x and y of each and of what it looks at, m. See `BetweenWalls.any_between`."""
-ROOT_OF_E = 1.6487212707001282
 
 
 class LocalFields:
@@ -131,20 +131,6 @@ def values(field: ScalarField, x: Floats, y: Floats, size: tuple[float, float], 
         for total, part in zip((value, dx, dy), _shown(field.picture, x, y, size), strict=True):
             total += part
     return value, dx, dy
-
-
-def flow(field: VectorField, x: Floats, y: Floats, around: Around) -> tuple[Floats, Floats]:
-    """A vector field, to the east and to the north."""
-    dx, dy = (np.full(x.size, each) for each in field.uniform)
-    for swirl in field.swirls:
-        # The stream function is Gaussian: the speed grows with the distance d as d exp(-d^2/(2 radius^2)), which is
-        # greatest at `radius`.
-        from_x, from_y = shortest(x - swirl.x, around[0]), shortest(y - swirl.y, around[1])
-        square, radius = from_x * from_x + from_y * from_y, swirl.radius
-        rate = swirl.peak * ROOT_OF_E / radius * exponential(square / (-2.0 * radius * radius))
-        dx += -rate * from_y
-        dy += rate * from_x
-    return dx, dy
 
 
 def _hill(hill: Hill, x: Floats, y: Floats, around: Around) -> Sensed:

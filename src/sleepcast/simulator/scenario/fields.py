@@ -151,7 +151,7 @@ def read_fields(
         checked_name(root.table("fields"), name)
         with table:
             vector = table.text("kind", "scalar", choices=("scalar", "vector")) == "vector"
-            field = _vector(table, name, size) if vector else _scalar(table, name, size, tick, version)
+            field = read_flow(table, name, _unit(table), size) if vector else _scalar(table, name, size, tick, version)
         for sensor in field_sensors([field]):
             if sensor.name.casefold() in known:
                 raise root.table("fields").error(
@@ -222,8 +222,8 @@ def _scalar(table: Table, name: str, size: tuple[float, float], tick: float, ver
     return ScalarField(name, unit, about, value(table, "base", 0.0), tuple(hills), tuple(zones), grey, growth)
 
 
-def _vector(table: Table, name: str, size: tuple[float, float]) -> VectorField:
-    unit = _unit(table)
+def read_flow(table: Table, name: str, unit: str, size: tuple[float, float]) -> VectorField:
+    """The vector field of this name in a table. unit: "" for plain numbers; size: of the world, m"""
     dimension = UNITS[unit].dimension if unit else NONE
     uniform = (0.0, 0.0)
     if table.has("uniform"):

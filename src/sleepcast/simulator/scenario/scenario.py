@@ -68,6 +68,7 @@ from sleepcast.simulator.scenario.signals import (
 from sleepcast.simulator.scenario.sliders import Slider, blanks_of, read_sliders
 from sleepcast.simulator.scenario.starts import refuse_equal_names, refuse_misfits, rows_of_starts
 from sleepcast.simulator.scenario.stocks import Stock, read_stocks
+from sleepcast.simulator.scenario.wind import WindSpec, read_wind
 from sleepcast.simulator.scenario.world_settings import Changes, read_world, refuse_overridden
 from sleepcast.simulator.world.map_picture import MapPicture
 from sleepcast.simulator.world.torus import PLAIN, Around
@@ -133,6 +134,7 @@ class Scenario:
     sight: what walls and bodies hide
     laser, camera: of every robot, None without
     predation: how robots eat others, None if they do not
+    wind: how the air moves that pushes what flies, None if it stands still
     format: of its file
     origin: where it was found and what was changed in it, see `origin`; "" for one that was not found
     """
@@ -180,6 +182,7 @@ class Scenario:
     laser: LaserModel | None = None
     camera: CameraModel | None = None
     predation: PredationModel | None = None
+    wind: WindSpec | None = None
 
     @property
     def each_type(self) -> tuple[RobotSpec, ...]:
@@ -336,6 +339,7 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> t
             laser=read_laser(root, version),
             camera=read_camera(root, version),
             predation=read_predation(root, gone=any(spec.hatch for spec in specs)),
+            wind=read_wind(root, size, flies=robots.flight is not None),
         )
         refuse_many(root, scenario.laser, robots.count)
         if scenario.torus:

@@ -158,9 +158,8 @@ _URGENT = frozenset({Kind.STOP, Kind.RELEASE})
 
 _Metres = NDArray[np.float64]
 _PLAIN = (inf, inf)
-Between = Callable[
-    [_Metres, _Metres, _Metres, _Metres, tuple[_Metres, _Metres] | None], NDArray[np.integer] | NDArray[np.bool_]
-]
+_Levels = tuple[_Metres, _Metres] | None
+Between = Callable[[_Metres, _Metres, _Metres, _Metres, _Levels], NDArray[np.integer] | NDArray[np.bool_]]
 """How many walls lie between points: x and y of the beginnings of lines and of their ends, and z of both where robots
 fly, m; on a torus the shortest way. Where any wall is too many, whether there are any is enough."""
 
@@ -469,8 +468,8 @@ class Radio:
         return self._within((*self.model.operator, 0.0), self.model.operator_reach)
 
     def _place_of(self, robot: int) -> tuple[float, float, float]:
-        z = 0.0 if self._z is None else float(np.nan_to_num(self._z[robot]))
-        return float(self._x[robot]), float(self._y[robot]), z
+        z = 0.0 if self._z is None else np.nan_to_num(self._z[robot])
+        return float(self._x[robot]), float(self._y[robot]), float(z)
 
     def _within(self, place: tuple[float, float, float], reach: float) -> NDArray[np.bool_]:
         """Whether each robot is in reach of this place, m."""

@@ -252,7 +252,7 @@ def test_states_are_thinned_by_their_age() -> None:
     assert len(states) == 50
 
 
-def test_marks_tell_how_many_were_born_and_have_gone_since_the_last_one() -> None:
+def test_marks_tell_how_many_have_come_and_gone_since_the_last_one() -> None:
     marks = Marks()
     marks.names(1.0, ("wolf1", "", ""))
     marks.names(2.0, ("wolf1", "wolf2", "wolf3"))
@@ -261,8 +261,8 @@ def test_marks_tell_how_many_were_born_and_have_gone_since_the_last_one() -> Non
     marks.names(2.3, ("wolf4", "wolf5", ""))
     marks.names(9.0, ("wolf4", "wolf5", ""))
     assert [(mark.at, mark.kind, mark.text) for mark in marks.all] == [
-        (2.0, "birth", "2 robots born"),
-        (2.3, "turnover", "2 robots born, 3 robots gone"),
+        (2.0, "birth", "2 robots came"),
+        (2.3, "turnover", "2 robots came, 3 robots gone"),
     ]
 
 

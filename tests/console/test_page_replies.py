@@ -23,7 +23,7 @@ async () => {
   const { Labels } = await import("/static/labels.js");
   const { View } = await import("/static/view.js");
   const { palette } = await import("/static/shapes.js");
-  const scene = { names: ["r1", "r2", "r3"], places: [], lights: [], areas: [] };
+  const scene = { names: ["r1", "r2", "r3"], places: [], lights: [], areas: [], obstacles: [] };
   const frame = { count: 3, poses: Float32Array.of(10, 10, 0, 50, 50, 0, 90, 90, 0), groups: new Uint8Array(3) };
   const replies = { of: (robot) => ["7 %", "", "fault"][robot] };
   const view = new View();

@@ -16,7 +16,6 @@ import numpy as np
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.records import dataclass
 from sleepcast.simulator.bodies.bodies import MAX_REDRAWS, Bodies, Flags, Floats, Whole
-from sleepcast.simulator.bodies.flight import GROUND
 from sleepcast.simulator.bodies.population import MAX_BIRTHS, Population
 from sleepcast.simulator.bodies.senses import Senses
 from sleepcast.simulator.motion.steps import SKIN
@@ -27,6 +26,7 @@ from sleepcast.simulator.scenario.starts import StartPose, Starts
 from sleepcast.simulator.simd.formulas import shortest
 from sleepcast.simulator.world.areas import inside
 from sleepcast.simulator.world.grid import distance
+from sleepcast.simulator.world.roofs import GROUND
 from sleepcast.simulator.world.world import is_solid_throughout
 
 

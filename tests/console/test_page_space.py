@@ -17,7 +17,9 @@ from playwright.sync_api import BrowserContext, Page, expect
 from console.conftest import COMMANDS
 from console.running import PATIENCE, Program
 from console.test_page import opened, pixels, pixels_seen, until
+from sleepcast.console.adapters.swarm import scene_of
 from sleepcast.console.page_parts import STATIC
+from sleepcast.simulator import read_scenario
 from small_worlds import write
 
 browser = pytest.mark.browser
@@ -171,9 +173,13 @@ def calculated(page: Page, module: str, script: str) -> Any:
 @browser
 def test_forms_and_the_camera_are_right(rovers: Page) -> None:
     counts = calculated(
-        rovers, "forms", "(f) => ['copter', 'farCopter', 'rover', 'farRover'].map((k) => f[k]().triangles.length / 3)"
+        rovers,
+        "forms",
+        """(f) => ['copter', 'farCopter', 'plane', 'farPlane', 'rover', 'farRover'].map(
+          (kind) => f[kind]().triangles.length / 3
+        )""",
     )
-    assert counts == [29, 4, 10, 3]
+    assert counts == [29, 4, 16, 6, 10, 3]
     assert max(counts) <= 60
 
     square, hole, island = ([[a, a], [b, a], [b, b], [a, b]] for a, b in ((0, 10), (2, 8), (4, 6)))
@@ -220,6 +226,45 @@ def test_forms_and_the_camera_are_right(rovers: Page) -> None:
     assert all(0.0 <= -y <= 600.0 for y in seen["pixels"][1::3])
     assert min(seen["depths"]) > 0.0
     assert seen["then"] == pytest.approx(seen["under"]), "one comes closer to what is under the pointer"
+
+
+@browser
+def test_each_robot_has_the_form_of_its_type(rovers: Page) -> None:
+    found = calculated(
+        rovers,
+        "solids",
+        """(s) => {
+          const { members, forms, places } = s.membersOf(6, [[2, 'plane'], [1, 'rover'], [2, 'plane']], 'copter');
+          return { members, forms, places: [...places] };
+        }""",
+    )
+    assert found["members"] == {"plane": 4, "rover": 1, "copter": 1}
+    assert found["forms"] == ["plane", "plane", "rover", "plane", "plane", "copter"]
+    assert found["places"] == [0, 1, 0, 2, 3, 0]
+
+
+def test_the_scene_says_which_form_each_type_has() -> None:
+    several = """
+[[robots]]
+like = "plane"
+count = 2
+
+[[robots]]
+like = "copter"
+count = 1
+
+[[robots]]
+like = "omni"
+body = { bumpers = 0 }
+count = 3
+"""
+    world = COPTERS[: COPTERS.index("[robots]")].replace("60m", "600m").replace("40m", "400m")
+    scene = scene_of(read_scenario(world + several), tuple("abcdef"))
+    assert list(zip(scene.sizes, scene.forms, strict=True)) == [
+        ((2, 0.7), "plane"),
+        ((1, 0.5), "copter"),
+        ((3, 0.2), "rover"),
+    ]
 
 
 def test_the_library_is_unchanged() -> None:

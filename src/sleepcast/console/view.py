@@ -100,6 +100,7 @@ class Scene(msgspec.Struct, frozen=True):
     unit: a length of `sleepcast.core.units`, in which people read the map
     sizes: how many robots have bodies of which radius (m), in the order of their indices
     kinds: what those of each size are called, empty where all are of one kind
+    forms: what those of each size look like in three dimensions: "copter", "plane" or "rover"; empty where none flies
     places, lights: where they are, with their names
     areas: those that robots know by name from the start, and ways
     obstacles: each is what lies inside an odd number of its closed outlines, lists of corners (x, y) in m
@@ -123,6 +124,7 @@ class Scene(msgspec.Struct, frozen=True):
     unit: str
     sizes: tuple[tuple[int, float], ...]
     kinds: tuple[str, ...] = msgspec.field(default=(), name="sorts")
+    forms: tuple[str, ...] = ()
     places: tuple[MapLabel, ...] = ()
     lights: tuple[MapLabel, ...] = ()
     areas: tuple[NamedOutline, ...] = ()

@@ -25,6 +25,14 @@ SELDOM = 5.0
 GROUNDED = "it stands on the ground: send (TAKEOFF) before it is driven"
 LANDING = "it is landing: say at which height it is to go there"
 FLYING = "it is in the air, where (DISARM) would make it fall: (LAND) first"
+GLIDES = "a plane does not hover: (GOTO x y z) brings it to another height"
+ON_ITS_CIRCLE = 1.5
+"""Radii from the middle within which a plane circles around it, and is not on its way there."""
+OF_PLANES = {
+    "GOTO": "Goes to a place and circles around it, at its own height if z is not given.",
+    "CLIMB": "Is a fault: a plane does not hover.",
+}
+"""What these functions do on planes."""
 LOCKED_MOTORS = (
     "its motors are locked, by an emergency stop, a crash or a lost link: switch it off and on before it flies again"
 )
@@ -153,6 +161,12 @@ def check_place(limits: Limits, x: float, y: float, circle: float = 0.0) -> None
         raise FencedError(f"its circle of {circle:g} m around ({x:g}, {y:g}) m passes the fence")
     if not hypot(x, y) <= FARTHEST:
         raise MisuseError(f"({x:g}, {y:g}) m is farther than {FARTHEST:g} m from the origin")
+
+
+def check_room(width: float, height: float, circle: float) -> None:
+    """Raise MisuseError for a fence so many m wide and high that has no room for a circle with this radius (m)."""
+    if min(width, height) < 2.0 * circle:
+        raise MisuseError(f"a plane that circles at {circle:g} m needs a fence twice as wide")
 
 
 def check_height(limits: Limits, height: float) -> None:

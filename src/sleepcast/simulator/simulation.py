@@ -411,6 +411,8 @@ class Robots(Sequence[Body]):
 
     def drive(self, robots: Whole, speed: Floats, turn_rate: Floats) -> None:
         bodies, free = self.bodies, ~self.bodies.stopped[robots]
+        if bodies.flight is not None:
+            free &= bodies.takes_speeds[robots]
         moving = robots[free]
         bodies.mode[moving] = Mode.DRIVE
         bodies.wanted_speed[moving], bodies.wanted_turn[moving] = speed[free], turn_rate[free]

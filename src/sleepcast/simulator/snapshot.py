@@ -25,7 +25,7 @@ from sleepcast.simulator.bodies.bodies import MAX_SAYINGS, Mode, Saying
 from sleepcast.simulator.bodies.population import MAX_BIRTHS, NOBODY
 from sleepcast.simulator.packing import pack, unpack
 from sleepcast.simulator.scenario.fields import MAX_PARTS, ScalarField, bounds_of_fields
-from sleepcast.simulator.scenario.flight import HIGHEST
+from sleepcast.simulator.scenario.flight import HIGHEST, MAX_BANK, MIN_BANK
 from sleepcast.simulator.scenario.population import rooms
 from sleepcast.simulator.scenario.robot_settings import (
     LEAST,
@@ -209,6 +209,8 @@ def _check(simulator: Simulator) -> None:
     if bodies.flight is not None:
         for name in ("velocity_x", "velocity_y", "wanted_side", "wanted_climb"):
             within(bodies.flight.columns[name], -np.finfo(np.float64).max, np.finfo(np.float64).max, name)
+        if bodies.flight.wings is not None:
+            within(bodies.flight.wings.airspeed, 0.0, 10_000.0, "airspeed")
         within(np.nan_to_num(bodies.flight.z), -2.0 * HIGHEST, 2.0 * HIGHEST, "z")
         if air := bodies.flight.air:
             within(np.stack((air.east, air.north)), -FASTEST_WIND, FASTEST_WIND, "wind")
@@ -315,6 +317,9 @@ def _bounds_of(robots: RobotSpec) -> Iterator[tuple[str, float, float, float]]:
         yield "as a limit of motion", limit, LEAST, 10_000.0
     if robots.flight is not None:
         yield "m/s as a climb rate", robots.limits.climb, LEAST, 10_000.0
+        yield "m/s as a stall speed", robots.flight.stall, 0.0, robots.limits.speed
+        yield "rad of bank", robots.flight.bank, MIN_BANK if robots.flight.stall else 0.0, MAX_BANK
+        yield "m as a circle", robots.flight.circle, 0.0, HIGHEST
         yield "m/s in a landing", robots.flight.sink, LEAST, 10_000.0
         yield "m as a ceiling", robots.limits.ceiling, robots.limits.floor, HIGHEST
     yield "stores", len(robots.stores), 0, MAX_STORES

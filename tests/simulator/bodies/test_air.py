@@ -12,9 +12,9 @@ from sleepcast.core.settings import SettingsError
 from sleepcast.simulator import Simulator, read_scenario
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.motion.downwash import DEEP, MEASURED_RADIUS, STRONGEST, push
-from sleepcast.simulator.motion.flying import GRAVITY
 from sleepcast.simulator.motion.wind import wind_at
 from sleepcast.simulator.scenario.fields import VectorField
+from sleepcast.simulator.scenario.flight import GRAVITY
 from sleepcast.simulator.scenario.wind import WindSpec
 from sleepcast.simulator.snapshot import resume, state_of
 from sleepcast.simulator.world.torus import PLAIN

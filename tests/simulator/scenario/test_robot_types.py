@@ -44,14 +44,15 @@ count = 1
 """
 
 
-def scenario(folder: Path, robots: str, changes: Changes | None = None) -> Scenario:
-    return load(write(folder, more=robots, text=HEAD), changes or Changes())
+def scenario(folder: Path, robots: str, changes: Changes | None = None, head: str = HEAD) -> Scenario:
+    return load(write(folder, more=robots, text=head), changes or Changes())
 
 
 class TestTypes:
     @pytest.mark.parametrize("name", type_names())
     def test_each_type_that_comes_along_is_whole(self, tmp_path: Path, name: str) -> None:
-        robots = scenario(tmp_path, f'\n[robots]\nlike = "{name}"\ncount = 2\n').robots
+        wide = HEAD.replace('"20m"', '"200m"')  # a plane needs room to circle
+        robots = scenario(tmp_path, f'\n[robots]\nlike = "{name}"\ncount = 2\n', head=wide).robots
         assert (robots.type, robots.count) == (name, 2)
         assert robots.bumpers or robots.flight, "what stands on the ground is solid"
 

@@ -49,10 +49,9 @@ IN_AIR = (*ON_GROUND, "z", "flying")
 
 
 OF_PLANES = {
+    **hovering.OF_PLANES,
     "TAKEOFF": "Chooses its mode TAKEOFF, arms, and then circles at this height.",
     "LAND": "Lands as its own mission says.",
-    "GOTO": "Goes to a place and circles around it, at its own height if z is not given.",
-    "CLIMB": "Is a fault: a plane does not hover.",
 }
 """What functions do on planes."""
 

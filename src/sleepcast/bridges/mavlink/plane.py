@@ -29,13 +29,10 @@ from sleepcast.bridges.mavlink.orders import (
 from sleepcast.bridges.mavlink.vehicle import MavlinkVehicle
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.model import RestState
-from sleepcast.robot import Limits, Setpoint
+from sleepcast.robot import Limits, Setpoint, hovering
 
 LEVEL = 30.0
 """m of height above which ArduPilot lets a plane bank freely after a take-off: three times its TKOFF_LVL_ALT."""
-ON_ITS_CIRCLE = 1.5
-"""Radii from the middle within which a plane circles around it, and is not on its way there."""
-
 Circle = tuple[float, float, float]
 """x and y of its middle, and height above where the plane started, m."""
 
@@ -62,8 +59,7 @@ class MavlinkPlane(MavlinkVehicle):
     def narrow(self, limits: Limits) -> None:
         if limits.fence is not None:
             left, bottom, right, top = limits.fence
-            if min(right - left, top - bottom) < 2.0 * self.CIRCLE:
-                raise MisuseError(f"a plane that circles at {self.CIRCLE:g} m needs a fence twice as wide")
+            hovering.check_room(right - left, top - bottom, self.CIRCLE)
         super().narrow(limits)
 
     def act(self, wanted: Setpoint) -> None:
@@ -80,7 +76,7 @@ class MavlinkPlane(MavlinkVehicle):
     # ---- what expressions may ask
 
     def climb(self, speed: float) -> None:
-        raise MisuseError("a plane does not hover: (GOTO x y z) brings it to another height")
+        raise MisuseError(hovering.GLIDES)
 
     def touch_down(self) -> None:
         self.check_hands()
@@ -176,7 +172,7 @@ class MavlinkPlane(MavlinkVehicle):
         known = self._sensed()
         if circle is None or not known:
             return False
-        return hypot(known["x"] - circle[0], known["y"] - circle[1]) <= ON_ITS_CIRCLE * self.CIRCLE
+        return hypot(known["x"] - circle[0], known["y"] - circle[1]) <= hovering.ON_ITS_CIRCLE * self.CIRCLE
 
     def _tell(self, queue: str) -> None:
         """Tell it where to circle."""

@@ -166,6 +166,13 @@ def existing(picture: MapPicture | None) -> MapPicture | None:
     return picture if picture is not None and picture.file.is_file() else None
 
 
+def _form(spec: RobotSpec) -> str:
+    """See `Scene.forms`."""
+    if spec.flight is None:
+        return "rover"
+    return "plane" if spec.flight.stall else "copter"
+
+
 def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
     """What the page draws under the robots, which have these names."""
     solid = solids_of(scenario.shapes)
@@ -181,6 +188,7 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
             (part.stop - part.start, spec.geometry.radius)
             for spec, part in zip(sorts, slices(sorts, len(names)), strict=True)
         ),
+        forms=tuple(map(_form, sorts)) if scenario.robots.flight else (),
         kinds=tuple(spec.type for spec in scenario.each_type) if len(scenario.each_type) > 1 else (),
         places=tuple(MapLabel(each.title, each.x, each.y, each.name) for each in scenario.named_points),
         areas=tuple(NamedOutline(area.name, _outline(area)) for area in scenario.areas),

@@ -75,6 +75,23 @@ export function farCopter() {
   return smooth([...sides.map(([a, b]) => [a, b, [-0.2, 0, 0.5]]), [nose, right, left]]);
 }
 
+// A plane: 16 triangles.
+export function plane() {
+  const [nose, tail, left, right, top, below] = [[0.9, 0, 0], [-0.95, 0, 0.05], [0, 0.1, 0], [0, -0.1, 0], [0, 0, 0.15], [0, 0, -0.1]];
+  const triangles = [[[-0.65, 0, 0.05], [-0.95, 0, 0.4], [-0.95, 0, 0.05]]];
+  for (const [a, b] of [[nose, left], [left, tail], [tail, right], [right, nose]]) triangles.push([a, b, top], [b, a, below]);
+  const wing = [[0.3, 0, 0.05], [0, 1, 0.12], [-0.2, 1, 0.12], [-0.25, 0, 0.05]];
+  triangles.push(...fan(wing), ...fan(wing.map(([x, y, z]) => [x, -y, z]).reverse()));
+  triangles.push(...fan([[-0.6, 0, 0.08], [-0.85, 0.35, 0.08], [-0.95, 0.35, 0.08], [-0.95, -0.35, 0.08], [-0.85, -0.35, 0.08]]));
+  return smooth(triangles);
+}
+
+export function farPlane() {
+  const [nose, left, right] = [[0.9, 0, 0], [-0.4, 1, 0], [-0.4, -1, 0]];
+  const sides = [[nose, left], [left, right], [right, nose]];
+  return smooth(sides.flatMap(([a, b]) => [[a, b, [-0.2, 0, 0.3]], [b, a, [-0.2, 0, -0.15]]]));
+}
+
 // What drives: the arrow of the map, as high as wide.
 export function rover() {
   const arrow = [[1.35, 0], [-0.9, 0.8], [-0.45, 0], [-0.9, -0.8]];

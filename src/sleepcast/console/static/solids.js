@@ -1,9 +1,10 @@
 // What stands and flies in the view in three dimensions, as meshes of three.js: ground, walls, robots, their shadows and
 // trails. All of it is flat colour with the shade of its form, which software draws fast; there are no lamps.
 
-import { copter, disc, farCopter, farDisc, farRover, prisms, rover } from "./forms.js";
+import { copter, disc, farCopter, farDisc, farPlane, farRover, plane, prisms, rover } from "./forms.js";
 import { Herd } from "./herd.js";
 
+const FORMS = { copter: [copter, farCopter], plane: [plane, farPlane], rover: [rover, farRover] }; // near and far
 const SHADOWS = 2000; // robots; more have none, and only a few triangles each
 const ALL_FORMS = 300; // robots that have all of their form however small they are,
 const SEEN = 7; // pixels: half the length at which others have it
@@ -13,6 +14,16 @@ const LAID = {
   vertexShader: "varying vec2 at; void main() { at = uv; gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0); }",
   fragmentShader: "uniform sampler2D map; varying vec2 at; void main() { gl_FragColor = texture2D(map, at); }",
 }; // a picture and nothing else: it fills the canvas, and each step more is one for a million pixels
+
+// Which robots have which form: {members: how many of each form, by name; forms: the name of each robot's; places: of each robot
+// among those of its form}. told: names of forms in the order of the robots, each with how many have it; the others have `usual`.
+export function membersOf(count, told, usual) {
+  const forms = told.flatMap(([robots, form]) => Array(robots).fill(form in FORMS ? form : usual)).slice(0, count);
+  forms.push(...Array(count - forms.length).fill(usual));
+  const members = {};
+  const places = Uint32Array.from(forms, (form) => (members[form] = (members[form] ?? 0) + 1) - 1);
+  return { members, forms, places };
+}
 
 export class Solids {
   // three: the module three.js. canvas: to be drawn on. Throws where the browser has no WebGL.
@@ -28,8 +39,8 @@ export class Solids {
     this.closed = new three.MeshBasicMaterial({ vertexColors: true }); // for forms that have no seen inner side
     this.dark = new three.MeshBasicMaterial({ color: 0, transparent: true, depthWrite: false });
     this.lines = new three.LineBasicMaterial({ vertexColors: true, transparent: true, depthWrite: false });
-    this.ground = this.walls = this.bodies = this.shadows = this.trails = null;
-    this.herds = null; // what moves these bodies and shadows: {bodies, shadows}
+    this.ground = this.walls = this.shadows = this.trails = null;
+    this.herds = null; // what moves bodies and shadows: {bodies: by form, shadows, forms, places}
     this.kind = ""; // of the bodies that there are
   }
 
@@ -94,32 +105,37 @@ export class Solids {
 
   // ---- what moves
 
-  // robots: {count, poses, heights, sizes: gives the radius to draw of each, m; seen: pixels of that in the middle of the picture;
+  // robots: {count, poses, heights, forms: as told to `membersOf`, sizes: gives the radius to draw of each, m; seen: pixels of that in the middle of the picture;
   // colours: [red, green, blue] by look; looks: of each}
   setBodies(robots) {
     const { count, poses, heights } = robots;
     const near = count <= ALL_FORMS || (count < SHADOWS && robots.seen >= SEEN);
-    const kind = [count, heights !== null, near].join();
-    if (kind !== this.kind) this.renew(count, heights !== null, near);
+    const kind = [count, heights !== null, near, robots.forms].join();
+    if (kind !== this.kind) this.renew(robots, near);
     this.kind = kind;
-    const { bodies, shadows } = this.herds;
+    const { bodies, shadows, forms, places } = this.herds;
     for (let i = 0; i < count; i += 1) {
       const [x, y, heading, z, size] = [poses[3 * i], poses[3 * i + 1], poses[3 * i + 2] || 0, heights?.[i] ?? 0, robots.sizes(i)];
-      bodies.place(i, x, y, z, heading, size);
-      bodies.dye(i, robots.colours[robots.looks[i]]);
+      bodies[forms[i]].place(places[i], x, y, z, heading, size);
+      bodies[forms[i]].dye(places[i], robots.colours[robots.looks[i]]);
       shadows?.place(i, x, y, ABOVE * size, 0, z > size ? 0.8 * size : 0);
     }
-    bodies.changed();
+    for (const form in bodies) bodies[form].changed();
     shadows?.changed();
   }
 
-  renew(count, fly, near) {
-    const make = fly ? (near ? copter : farCopter) : near ? rover : farRover;
-    const bodies = new Herd(this.three, make(), fly && near ? this.paint : this.closed, count);
+  renew({ count, heights, forms: told }, near) {
+    const fly = heights !== null;
+    const { members, forms, places } = membersOf(count, told, fly ? "copter" : "rover");
+    const bodies = {};
+    for (const [form, makes] of Object.entries(FORMS)) {
+      const material = form !== "rover" && near ? this.paint : this.closed;
+      if (members[form]) bodies[form] = new Herd(this.three, makes[near ? 0 : 1](), material, members[form]);
+      this.put(`bodies ${form}`, bodies[form]?.mesh ?? null);
+    }
     const shadows = fly && count < SHADOWS ? new Herd(this.three, near ? disc() : farDisc(), this.dark, count) : null;
-    this.put("bodies", bodies.mesh);
     this.put("shadows", shadows && Object.assign(shadows.mesh, { renderOrder: -1 }));
-    this.herds = { bodies, shadows };
+    this.herds = { bodies, shadows, forms, places };
   }
 
   // corners: x, y, z of both ends of each line in turn. colours: red, green, blue and opacity of each end.

@@ -143,7 +143,9 @@ export class Space {
     this.drawStill();
     this.drawTrails();
     const { count, poses, heights } = world.frame;
-    solids.setBodies({ count, poses, heights, sizes: (i) => this.radius(i), colours: this.inks(), looks: this.codes(), seen: this.seen });
+    const forms = (world.scene.forms ?? []).map((form, at) => [world.scene.sizes[at][0], form]);
+    const looks = { sizes: (i) => this.radius(i), colours: this.inks(), looks: this.codes(), seen: this.seen };
+    solids.setBodies({ count, poses, heights, forms, ...looks });
     solids.render(orbit);
     this.drawOver();
   }

@@ -179,6 +179,9 @@ class Bodies:
         self.wanted_side = np.zeros(self.count if robots.omni or robots.flight else 0)
         self.flight = Flight(self) if robots.flight else None
         """Those that fly; None where none does."""
+        wings = self.flight.wings if self.flight else None
+        self.takes_speeds: Flags = np.ones(self.count, bool) if wings is None else ~wings.planes
+        """Which bodies can be driven: all but planes, which are told places only."""
         self.machine, self.laws = machine, laws_of(scenario)
         there = population.present if population else None
         heights = self.flight.z if self.flight else None
@@ -213,7 +216,7 @@ class Bodies:
         """All arrays with a column for each robot that may be written, by name; some share their memory."""
         arrays = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
         arrays |= self.flight.columns if self.flight else {}
-        fixed = {"numbers", "chance", "radii", "slides", "rolls", "omni", "brakes", "uses", "drains"}
+        fixed = {"numbers", "chance", "radii", "slides", "rolls", "omni", "takes_speeds", "brakes", "uses", "drains"}
         return {name: each for name, each in arrays.items() if each.shape[-1:] == (self.count,) and name not in fixed}
 
     def _begin_with(self, first: Bodies | None, rows: Whole) -> None:
@@ -457,7 +460,8 @@ class Bodies:
         wanted = {"drive_speed": self.wanted_speed, "drive_turn": self.wanted_turn}
         have = {"drive_side": self.omni} if self.scenario.robots.omni else {}
         if self.flight:
-            have = {"drive_side": self.omni | self.flight.flies, "drive_climb": self.flight.flies}
+            have = {"drive_side": self.omni | self.flight.hovers, "drive_climb": self.flight.hovers}
+            have |= dict.fromkeys(("drive_speed", "drive_turn"), self.takes_speeds) if self.flight.wings else {}
             wanted["drive_climb"] = self.flight.wanted_climb
         if self.wanted_side.size:
             wanted["drive_side"] = self.wanted_side

@@ -102,7 +102,7 @@ class Body:
     def _drive_on(self, speed: float, turn_rate: float) -> None:
         """Drive at this speed and turn rate, and to the side as before."""
         bodies, i = self._bodies, self.number
-        if not bodies.stopped[i]:
+        if not bodies.stopped[i] and bodies.takes_speeds[i]:
             bodies.mode[i] = Mode.DRIVE
             bodies.wanted_speed[i], bodies.wanted_turn[i] = speed, turn_rate
 
@@ -279,6 +279,12 @@ FLIGHT_FUNCTIONS = tuple(
     for each in hovering.functions(Body)
 )
 """Where robots fly."""
+OF_PLANES = {
+    **hovering.OF_PLANES,
+    "TAKEOFF": "Arms, rolls, climbs straight on, and then circles at this height; without one, at that of its type.",
+    "LAND": "Circles down, and rolls out.",
+}
+"""What these functions do where all are planes."""
 EMERGENCY_FUNCTIONS = tuple(
     replace(each, many=_by(each.call.__name__), doc=each.doc.replace("on its radio channel", "in this world"))
     for each in hovering.emergency_functions(Body)
@@ -351,6 +357,8 @@ def _moving(scenario: Scenario) -> tuple[HostFunction, ...]:
     flights = [spec.flight for spec in scenario.each_type]
     flies = (*FLIGHT_FUNCTIONS, *(EMERGENCY_FUNCTIONS if any(each and each.cuts for each in flights) else ()))
     names, rolls = {each.name for each in flies}, None in flights
+    if all(each and each.stall for each in flights):
+        flies = tuple(replace(each, doc=OF_PLANES.get(each.name, each.doc)) for each in flies)
     return (*flies, *(each for each in FUNCTIONS if each.name not in names and (rolls or not each.moves)))
 
 
@@ -423,9 +431,12 @@ def model_of(
         robots.type,
         sensors=(*sensors, *(sonar_sensors(robots.ring, scenario.length_unit) if robots.ring else ())),
         actuators=(
-            Quantity("drive_speed", "m/s", -speed, speed, doc="drives at this speed", shown_as=robots.speed_unit),
-            Quantity("drive_turn", "rad/s", -turn, turn, doc="turns at this rate", shown_as="deg/s"),
-            *_sideways(robots),
+            *(
+                Quantity("drive_speed", "m/s", -speed, speed, doc="drives at this speed", shown_as=robots.speed_unit),
+                Quantity("drive_turn", "rad/s", -turn, turn, doc="turns at this rate", shown_as="deg/s"),
+                *_sideways(robots),
+            )
+            * any(spec.flight is None or not spec.flight.stall for spec in scenario.each_type),
             *actuators,
         ),
         functions=(

@@ -9,27 +9,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from math import inf, nan
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.core.model import Quantity
 from sleepcast.robot import Limits
 from sleepcast.robot.hovering import FASTEST_CLIMB
 from sleepcast.simulator.bodies.air import Air, pushed_down
-from sleepcast.simulator.bodies.proximity import Neighbours
-from sleepcast.simulator.engine import Machine
+from sleepcast.simulator.bodies.moved import Grounded
+from sleepcast.simulator.bodies.wings import Wings
 from sleepcast.simulator.motion import flying
 from sleepcast.simulator.motion.driving import DRIVE, GOTO, bounded
-from sleepcast.simulator.motion.flying import GRAVITY, FlightLaws
-from sleepcast.simulator.scenario.flight import BATTERY, CRASHED, SENSORS, FlightSpec
+from sleepcast.simulator.motion.flying import FlightLaws
+from sleepcast.simulator.scenario.flight import BATTERY, CRASHED, GRAVITY, SENSORS, FlightSpec
 from sleepcast.simulator.scenario.robot_settings import RobotSpec
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.starts import Formation, start_heights
 from sleepcast.simulator.simd.formulas import rotated, shortest, sine_cosine, wrap
 from sleepcast.simulator.world.roofs import GROUND, Roofs
-from sleepcast.simulator.world.world import World
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -39,47 +36,6 @@ MARGIN = 1e-6
 CARRIED = "is carried away: the wind is faster than it flies"
 LANDS = -np.inf
 """The height of a body that lands."""
-
-
-class Grounded(Protocol):
-    """The bodies of a world, or of one type, as far as their flight concerns them; see `bodies.Bodies`."""
-
-    count: int
-    scenario: Scenario
-    seed: int
-    tick: int
-    world: World
-    near: Neighbours
-    machine: Machine
-    radii: Floats
-    sensors: tuple[Quantity, ...]
-    known: Floats
-    stores: Floats
-    store_names: tuple[str, ...]
-    uses: Floats
-    x: Floats
-    y: Floats
-    heading: Floats
-    speed: Floats
-    mode: NDArray[np.int8]
-    held: Flags
-    wanted_speed: Floats
-    wanted_turn: Floats
-    wanted_side: Floats
-    target_x: Floats
-    target_y: Floats
-    of_each_type: list[slice]
-
-    @property
-    def parts(self) -> Sequence[Grounded]: ...
-
-    def by_type(self, values: Sequence[float], /) -> Floats: ...
-
-    def drawn(self, purpose: str, /) -> Floats: ...
-
-    def exhausted(self) -> Flags | None: ...
-
-    def say_of(self, robot: int, text: str) -> None: ...
 
 
 def fence_of(scenario: Scenario, spec: RobotSpec) -> tuple[float, float, float, float]:
@@ -124,10 +80,16 @@ class Flight:
         self.flies: Flags = bodies.by_type([float(spec.flight is not None) for spec in specs]) > 0.0
         self._rows = slice(None) if self.flies.all() else np.flatnonzero(self.flies)
         flights = [(spec.limits, spec.flight) for spec in specs]
-        self._laws = self._laws_of([spec.limits for spec in specs], [each.sink if each else 1.0 for _, each in flights])
+        self._all_laws = self._laws_of(
+            [spec.limits for spec in specs], [each.sink if each else 1.0 for _, each in flights]
+        )
+        self._laws = self.laws_of(self._rows)
         wind = bodies.scenario.wind
         self.air = Air(wind, bodies.scenario, bodies.seed, count) if wind else None
         """None where it stands still."""
+        gliding = any(each is not None and each.stall > 0.0 for _, each in flights)
+        self.wings = Wings(bodies, self) if gliding else None
+        """Those that are planes; None where none is."""
         self._usual: Floats = bodies.by_type([each.height if each else nan for _, each in flights])
         """m above the ground to which a take-off leads that does not say it."""
         charged = BATTERY in bodies.store_names
@@ -139,17 +101,25 @@ class Flight:
     def _laws_of(self, limits: Sequence[Limits], sink: Sequence[float]) -> FlightLaws:
         bodies = self._bodies
         names = ("speed", "turn_rate", "acceleration", "climb", "floor", "ceiling")
-        columns = {name: bodies.by_type([getattr(each, name) for each in limits])[self._rows] for name in names}
-        columns["sink"] = bodies.by_type(sink)[self._rows]
+        columns = {name: bodies.by_type([getattr(each, name) for each in limits]) for name in names}
         fences = [fence_of(bodies.scenario, spec) for spec in bodies.scenario.each_type]
-        left, bottom, right, top = (bodies.by_type(each)[self._rows] for each in zip(*fences, strict=True))
-        return FlightLaws(**columns, edges=(left, bottom, right, top), tick=bodies.scenario.tick)
+        left, bottom, right, top = (bodies.by_type(each) for each in zip(*fences, strict=True))
+        edges = (left, bottom, right, top)
+        return FlightLaws(**columns, sink=bodies.by_type(sink), edges=edges, tick=bodies.scenario.tick)
+
+    def laws_of(self, which: Whole | slice) -> FlightLaws:
+        """The limits of some of all bodies."""
+        laws = self._all_laws
+        some = {name: getattr(laws, name)[which] for name in FlightLaws._fields[:-2]}
+        left, bottom, right, top = (edge[which] for edge in laws.edges)
+        return FlightLaws(**some, edges=(left, bottom, right, top), tick=laws.tick)
 
     @property
     def columns(self) -> dict[str, NDArray[np.generic]]:
         """The arrays that a run changes, by name, besides what bodies sense."""
         names = ("velocity_x", "velocity_y", "wanted_side", "wanted_climb", "target_z", "locked")
-        return {name: getattr(self, name) for name in names} | (self.air.columns if self.air else {})
+        columns = {name: getattr(self, name) for name in names} | (self.air.columns if self.air else {})
+        return columns | self.wings.columns if self.wings else columns
 
     def start(self) -> None:
         """Stand where the scenario says, or on the roof of what is there; who starts in the air hovers there."""
@@ -167,6 +137,12 @@ class Flight:
         self.armed[rows] = self.flying[rows] = up
         self.height[rows] = self.z[rows] - self.ground[rows]
         self.climb_rate[rows] = self.turn_rate[rows] = self.crashed[rows] = 0.0
+        if self.wings:
+            self.wings.start()
+
+    def below(self, x: Floats, y: Floats, z: Floats) -> Floats:
+        """How high the ground or the roof below these places is, m."""
+        return self._roofs.below(x, y, z)
 
     def look_below(self) -> None:
         """Find out again what lies below, since bodies have moved or the world has changed."""
@@ -190,22 +166,39 @@ class Flight:
         falls = (before > ground) & (self.armed[rows] == 0.0)
         moves = up & ~held
         turn = self._turn(moves)
-        heading = wrap(bodies.heading[rows] + turn)
         if self.air:
             self._be_blown(self.air, up)
-        east, north = self._go(moves, up, heading)
+        east, north = self._go(moves, up, wrap(bodies.heading[rows] + turn))
         rate = self._rise(moves, up, falls)
+        if self.wings:
+            self._glide(self.wings, turn, east, north, rate)
+        heading = wrap(bodies.heading[rows] + turn)
         way_x, way_y, way_z = east * laws.tick, north * laws.tick, rate * laws.tick
         way_z = np.where(falls, (self.climb_rate[rows] + rate) / 2.0 * laws.tick, way_z)
         x, y = flying.kept_within(laws, bodies.x[rows], bodies.y[rows], way_x, way_y)
         self.way[:2, rows] = x - bodies.x[rows], y - bodies.y[rows]
+        comes_down = self._is_in_air(up | falls)
         self.z[rows] += way_z
         bodies.x[rows], bodies.y[rows], bodies.heading[rows] = x, y, heading
         self.velocity_x[rows], self.velocity_y[rows], self.climb_rate[rows] = east, north, rate
-        self._touch_ground(up | falls, before)
+        self._touch_ground(comes_down, before)
         self.way[2, rows] = self.z[rows] - before
         self._measure(turn / laws.tick)
         self._use(up, np.sqrt(way_x * way_x + way_y * way_y), way_z)
+
+    def _is_in_air(self, moves: Flags) -> Flags:
+        """Which of those that move may touch the ground in this tick: not planes that roll on it."""
+        if self.wings is None:
+            return moves
+        rolls: Flags = self.wings.planes[self._rows] & (self.z[self._rows] <= self.ground[self._rows])
+        return moves & ~rolls
+
+    def _glide(self, wings: Wings, *found: Floats) -> None:
+        """Write over what was found of planes: their turns (rad), velocities over the ground and climb rates."""
+        step, tick = wings.step(), self._laws.tick
+        planes = wings.planes[self._rows]
+        for column, values in zip(found, (step.turn, step.way_x / tick, step.way_y / tick, step.rate), strict=True):
+            column[planes] = values
 
     def _turn(self, moves: Flags) -> Floats:
         """rad by which each body turns."""
@@ -243,7 +236,7 @@ class Flight:
             bodies.say_of(robot, CARRIED)
         if air.washes:
             everywhere = bodies.x, bodies.y, np.nan_to_num(self.z)
-            blowing = self.flies & (self.armed > 0.0) & (self.z > self.ground)
+            blowing = self.hovers & (self.armed > 0.0) & (self.z > self.ground)
             push = pushed_down(bodies.machine, bodies.near, everywhere, bodies.radii, blowing)
             self.climb_rate[rows] -= np.where(up, push[rows] * self._laws.tick, 0.0)
 
@@ -289,8 +282,8 @@ class Flight:
             return
         which = self._indices(some)
         self.z[which] = self.ground[which]
-        self.armed[which] = 0.0
-        self.settle(which)
+        self.armed[which] = self.climb_rate[which] = 0.0
+        self.settle(which if self.wings is None else which[~self.wings.planes[which]])  # a plane rolls out
         self.rest(which)
 
     def _measure(self, turn_rate: Floats) -> None:
@@ -298,6 +291,8 @@ class Flight:
         ahead, _ = rotated(self.velocity_x[rows], self.velocity_y[rows], *sine_cosine(-bodies.heading[rows]))
         most = self._laws.speed
         bodies.speed[rows], self.turn_rate[rows] = bounded(ahead, -most, most), turn_rate
+        if self.wings:
+            bodies.speed[self.wings.rows] = self.wings.airspeed[self.wings.rows]
         self.height[rows] = self.z[rows] - self.ground[rows]
         self.flying[rows] = (self.height[rows] > 0.0) & (self.armed[rows] > 0.0)
 
@@ -319,11 +314,14 @@ class Flight:
         self.crashed[which] = 1.0
         self.lock(which)
         self.velocity_x[which] = self.velocity_y[which] = 0.0
+        if self.wings:
+            self.wings.airspeed[which] = 0.0
 
     def clear(self, which: Whole) -> None:
         """Leave nothing in the air of these, which are there no more: others would crash into it."""
         flown = which[self.flies[which]]
         self.z[flown] = self.height[flown] = self.ground[flown] = GROUND
+        self.settle(flown)
         self.armed[flown] = self.flying[flown] = 0.0
         self.rest(which)
 
@@ -346,6 +344,11 @@ class Flight:
             return None
         empty: Flags = self.flies & (self._charge <= 0.0)
         return empty
+
+    @property
+    def hovers(self) -> Flags:
+        """Which bodies fly and are no planes, which take no speeds."""
+        return self.flies & ~self.wings.planes if self.wings else self.flies
 
     @property
     def lands_alone(self) -> Flags:
@@ -372,7 +375,12 @@ class Flight:
         return self._usual[which]
 
     def rest(self, which: Whole, target: float = nan) -> None:
-        """End what moves these bodies, but for the height to which they go, m; nan for none, `LANDS` for the ground."""
+        """End what moves these bodies, but for the height to which they go, m; nan for none, `LANDS` for the ground. A
+        plane in the air circles, and one that lands goes on with it."""
+        if self.wings is not None:
+            up, lands = self.wings.is_up(which), (target == LANDS) & (self.target_z[which] == LANDS)
+            self.wings.rest(which[up & ~lands], target)
+            which = which[~up]
         bodies = self._bodies
         bodies.mode[which] = DRIVE
         for wanted in (bodies.wanted_speed, bodies.wanted_turn, self.wanted_side, self.wanted_climb):
@@ -380,16 +388,21 @@ class Flight:
         self.target_z[which] = target
 
     def settle(self, which: Whole) -> None:
-        """Let bodies be at rest at once, where they are."""
+        """Let bodies be at rest at once, where they are; planes in the air fly on."""
+        if self.wings is not None:
+            self.wings.settle(which)
         self.velocity_x[which] = self.velocity_y[which] = 0.0
         self.climb_rate[which] = np.where(self.flies[which], 0.0, nan)
         if self.air:
             self.air.anchor_x[which] = self.air.anchor_y[which] = nan
 
     def speeds(self, which: Whole) -> Floats:
-        """How fast these bodies are, in whatever direction, m/s; 0 for those on the ground."""
+        """How fast these bodies are, in whatever direction, m/s; 0 for those on the ground, and for planes that circle
+        under a STOP."""
         east, north, up = self.velocity_x[which], self.velocity_y[which], np.nan_to_num(self.climb_rate[which])
         speeds: Floats = np.sqrt(east * east + north * north + up * up)
+        if self.wings is not None:  # a plane comes to no other rest than its circle
+            speeds = np.where(self.wings.circles(which) & self._bodies.stopped[which], 0.0, speeds)
         return speeds
 
     def _each_type(self) -> Iterator[tuple[RobotSpec, Grounded, slice]]:

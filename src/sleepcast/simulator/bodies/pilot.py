@@ -8,13 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
-from math import nan
 from typing import NamedTuple
 
 import numpy as np
 
 from sleepcast.core.errors import MisuseError, SleepcastError
-from sleepcast.robot import Limits, hovering
+from sleepcast.robot import FencedError, Limits, hovering
 from sleepcast.simulator.bodies.bodies import Bodies, Flags, Floats, Whole
 from sleepcast.simulator.bodies.flight import LANDS, Flight, fence_of
 from sleepcast.simulator.world.roofs import GROUND
@@ -22,6 +21,8 @@ from sleepcast.simulator.world.roofs import GROUND
 STAYS = "this robot does not fly"
 UNCUT = "this robot has no emergency stop"
 STOPPED = "it is stopped: RELEASE it first"
+NO_ROOF = "its roof ends before it is fast enough to fly: it needs more room ahead"
+NO_RUN = "its take-off leads out of the fence: it needs more room ahead"
 EMPTY = "its battery is empty: it does not take off"
 
 Fence = tuple[float, float, float, float]
@@ -58,7 +59,13 @@ class Pilot(NamedTuple):
         exhausted = self.bodies.exhausted()
         if exhausted is not None:
             told.refuse(exhausted[robots], EMPTY)
-        flight.rest(told.free)
+        if flight.wings:
+            told.refuse(flight.wings.rolls_off(robots), NO_ROOF)
+            told.check(flight.wings.lacks_room(robots), _refuse_run)
+        stand = told.free if flight.wings is None else told.free[~flight.wings.is_up(told.free)]
+        flight.rest(stand)
+        if flight.wings:
+            flight.wings.take_off(stand[flight.wings.planes[stand]])
         flight.armed[told.free] = 1.0
         flight.target_z[told.free] = targets[told.obeys]
         return told.results
@@ -70,6 +77,8 @@ class Pilot(NamedTuple):
 
     def climb(self, robots: Whole, speed: Floats) -> Results:
         told = self._told(robots)
+        if self.flight.wings:
+            told.refuse(self.flight.wings.planes[robots], hovering.GLIDES)
         told.refuse(self._is_grounded(robots), hovering.GROUNDED)
         self.flight.rest(told.free)
         self.flight.wanted_climb[told.free] = speed[told.obeys]
@@ -89,8 +98,11 @@ class Pilot(NamedTuple):
             self._refuse_heights(told, z - GROUND)
         told.refuse(grounded, hovering.GROUNDED)
         height = flight.target_z[told.free] if z is None else z[told.obeys]
+        climbs_out = flight.wings.climbs_out[told.free] if flight.wings else False
         flight.rest(told.free)
         bodies.go_to(told.free, x[told.obeys], y[told.obeys])
+        if flight.wings:
+            flight.wings.climbs_out[told.free] = climbs_out
         flight.target_z[told.free] = height
         return told.results
 
@@ -114,8 +126,8 @@ class Pilot(NamedTuple):
     def land(self, which: Whole) -> None:
         """Bring these bodies down where they are."""
         up = self.flight.z[which] > self.flight.ground[which]
-        self.flight.rest(which)
-        self.flight.target_z[which] = np.where(up, LANDS, nan)
+        self.flight.rest(which[up], LANDS)
+        self.flight.rest(which[~up])
 
     def _told(self, robots: Whole, *, flies: Flags | None = None) -> _Told:
         """A command to these. flies: which of them it concerns; None if those on the ground refuse it."""
@@ -142,14 +154,16 @@ class Pilot(NamedTuple):
             told.check(wrong, partial(_check_height, limits, heights))
 
     def _refuse_places(self, told: _Told, x: Floats, y: Floats) -> None:
-        """Refuse places, m, outside of the world, or within a body's radius of the wall around it; a torus has them
-        all."""
+        """Refuse places, m, outside of the world, within a body's radius of the wall around it, or too near to its edge
+        for a plane to circle around them; a torus has them all."""
         if self.bodies.scenario.torus:
             return
+        wings = self.flight.wings
+        circle = wings.circle[told.robots] if wings else np.zeros(len(x))
         for limits, fence, of_type in self._limits_of(told.robots):
             left, bottom, right, top = fence
-            wrong = ~((x >= left) & (x <= right) & (y >= bottom) & (y <= top))
-            told.check(of_type & wrong, partial(_check_place, replace(limits, fence=fence), x, y))
+            inside = (x >= left + circle) & (x <= right - circle) & (y >= bottom + circle) & (y <= top - circle)
+            told.check(of_type & ~inside, partial(_check_place, replace(limits, fence=fence), x, y, circle))
 
     def _limits_of(self, robots: Whole) -> Iterator[tuple[Limits, Fence, Flags]]:
         """The limits and the fence of each type, and which of the robots are of it."""
@@ -162,8 +176,12 @@ def _check_height(limits: Limits, heights: Floats, index: int) -> None:
     hovering.check_height(limits, float(heights[index]))
 
 
-def _check_place(limits: Limits, x: Floats, y: Floats, index: int) -> None:
-    hovering.check_place(limits, float(x[index]), float(y[index]))
+def _check_place(limits: Limits, x: Floats, y: Floats, circle: Floats, index: int) -> None:
+    hovering.check_place(limits, float(x[index]), float(y[index]), float(circle[index]))
+
+
+def _refuse_run(index: int) -> None:
+    raise FencedError(NO_RUN)
 
 
 def pilot_of(bodies: Bodies) -> Pilot:

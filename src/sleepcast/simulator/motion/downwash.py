@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sleepcast.simulator.motion.flying import GRAVITY
+from sleepcast.simulator.scenario.flight import GRAVITY
 from sleepcast.simulator.world.grid import Floats
 
 MEASURED_RADIUS = 0.07

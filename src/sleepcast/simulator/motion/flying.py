@@ -16,8 +16,6 @@ from sleepcast.simulator.motion.driving import bounded
 from sleepcast.simulator.simd.formulas import either, rotated, sine_cosine
 from sleepcast.simulator.world.grid import Floats
 
-GRAVITY = 9.81
-"""m/s2 at which a body falls whose motors are off."""
 FASTEST = 1e100
 """m/s that may be wanted of a body: the square of a greater speed is no number."""
 

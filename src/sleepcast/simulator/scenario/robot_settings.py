@@ -238,7 +238,7 @@ def read_robots(
         omni = is_omni(table)
         ring = _ring(table) if table.has("sonar") else None
         coming = _coming(table, count, groups)
-        flight, limits = read_flight(table, limits) if table.has("flight") else (None, limits)
+        flight, limits = read_flight(table, limits, size) if table.has("flight") else (None, limits)
         highest = limits.ceiling if flight else 0.0
         if table.has("z") and not flight:
             raise table.error("z", STANDS)

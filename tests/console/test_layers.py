@@ -125,7 +125,8 @@ async () => {
   }
   const scene = {
     names: Array.from({ length: count }, (_, i) => `robot${i}`), groups: [{ name: "bravo" }],
-    places: [{ name: "home", x: 300, y: 300 }, { name: "home too", x: 302, y: 300 }], lights: [], areas: [], obstacles: [],
+    places: [{ name: "home", x: 300, y: 300 }, { name: "home too", x: 302, y: 300 }], lights: [], areas: [],
+    obstacles: [],
   };
   const picked = new Uint8Array(count);
   picked[777] = 1;

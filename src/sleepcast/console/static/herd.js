@@ -22,9 +22,13 @@ export class Herd {
     this.mesh = new Mesh(geometry, material);
   }
 
-  // Put a body there: m, rad counter-clockwise from x, and its radius in m.
+  // Put a body there: m, rad counter-clockwise from x, and its radius in m. NaN as z: nobody is there, and nothing is to be seen.
   place(i, x, y, z, heading, radius) {
     const { positions, form: { corners } } = this;
+    if (Number.isNaN(z)) {
+      positions.fill(0, i * corners.length, (i + 1) * corners.length);
+      return;
+    }
     const [c, s] = [radius * Math.cos(heading), radius * Math.sin(heading)];
     for (let from = 0, to = i * corners.length; from < corners.length; from += 3, to += 3) {
       positions[to] = x + c * corners[from] - s * corners[from + 1];

@@ -2,8 +2,9 @@
 
 Two quadrotors of 34 g, one below the other, were measured by Shi et al., "Neural-Swarm" (ICRA 2020, arXiv 2003.02992,
 fig. 3). The line here is a rough reading of that figure: the lower one is pushed down with about 10 grams of force at
-0.2 m, 8 at 0.3, 6 at 0.4 and 4 at 0.5 m, so with 14 - 20 z grams at z m, and no more from 0.7 m on. Their radius is that of a Crazyflie, 0.07 m. Distances are taken in
-radii of the upper body, since bodies with as much weight on as much area blow as fast.
+0.2 m, 8 at 0.3, 6 at 0.4 and 4 at 0.5 m, so with 14 - 20 z grams at z m, and no more from 0.7 m on. Their radius is
+that of a Crazyflie, 0.07 m. Distances are taken in radii of the upper body, since bodies with as much weight on as
+much area blow as fast.
 
 The air is a cone: with each metre down, a round turbulent jet is half as fast 0.094 m farther from its middle (Pope,
 "Turbulent Flows", 2000, section 5.1). The push falls evenly to nothing at twice that distance, to which the radius of

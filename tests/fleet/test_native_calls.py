@@ -13,7 +13,7 @@ from sleepcast.core.threads import ThreadPool
 from sleepcast.fleet.native import compiler
 from sleepcast.fleet.native.kernels import Kernels, available
 from sleepcast.loop import Swarm, snapshot, step_swarm
-from sleepcast.simulator import Changes, Scenario, find_scenario, load, read_scenario
+from sleepcast.simulator import Changes, Scenario, Wall, find_scenario, load, read_scenario
 from sleepcast.simulator.engine import has_numba
 from small_worlds import write
 from swarms import desk_of, seen, swarm_of
@@ -123,6 +123,29 @@ def test_rules_of_copters_are_the_same() -> None:
     assert found[0] == found[1] == found[2]
     assert run.simulator.heights is not None
     assert run.simulator.heights.min() > 0.5, "all fly"
+
+
+def test_native_code_rests_while_copters_look_over_a_wall() -> None:
+    """It takes walls for endless. Robot 8 stands beside the wall: four neighbours are on its side, four beyond."""
+    text = find_scenario("rehearsal").path.read_text(encoding="utf-8")
+    text = text.replace('mission = "rehearsal.sleep"', "").replace("count = 10", "count = 19")
+    scenario = read_scenario(text.replace("[world]", '[neighbours]\nreach = "20m"\n\n[world]'))
+    found = []
+    for native in (False, True):
+        run, seen_of_phases, counted = swarm(scenario, native), [], []
+        for rule in ("(WHEN (NOT flying) (TAKEOFF 4m))", "(RULE look (SETQ drive_turn (* 0.01 (COUNT 9m))))"):
+            desk_of(run).send(rule, everybody=True)
+        for tall in (None, 1.0, None):
+            wall = run.simulator.world.add(Wall(((19.0, 0.0), (19.0, 40.0)), tall=tall))
+            for _ in range(30):
+                run.step()
+            seen_of_phases.append(seen(run))
+            counted.append(round(100.0 * float(run.simulator.bodies.wanted_turn[8])))
+            run.simulator.world.remove(wall)
+        assert counted == [4, 8, 4]
+        assert not native or "COUNT" in called(run)
+        found.append(seen_of_phases)
+    assert found[0] == found[1]
 
 
 YARD = """

@@ -83,6 +83,7 @@ class NativeCall(NamedTuple):
         time it does nothing
     senses: of what that is given; one for many functions
     owner: keeps alive what lies at these addresses
+    usable: gives whether it may be called now, so that its rules are not walked instead; None if it always may be
     """
 
     call: int
@@ -90,6 +91,7 @@ class NativeCall(NamedTuple):
     prepare: int
     senses: int
     owner: object
+    usable: Callable[[], bool] | None = None
 
 
 class NativeForm(Protocol):

@@ -170,9 +170,10 @@ class NumbaMachine:
         found = np.empty(len(robots))
         kernels_neighbours.prepare_one(vicinity.address)
         order = vicinity.order_of(robots)
+        ask_many = kernels_neighbours.ask_many_in_ball if vicinity.ball else kernels_neighbours.ask_many
 
         def work(first: int, last: int) -> None:
-            kernels_neighbours.ask_many(vicinity.address, *formula, robots, radius, colour, order, first, last, found)
+            ask_many(vicinity.address, *formula, robots, radius, colour, order, first, last, found)
 
         self._share(len(robots), work, CROWDED)
         return found

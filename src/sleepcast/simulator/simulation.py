@@ -18,6 +18,7 @@ from sleepcast.robot import RobotModel
 from sleepcast.simulator.bodies.arrivals import Arrival, find_room, newcomers, refuse_full, sort_called, start_at
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Flags, Floats, Mode, Saying, Whole
 from sleepcast.simulator.bodies.body import TUMBLE, Body, BodySenses, FlyingBody, model_of
+from sleepcast.simulator.bodies.closeness import Closeness
 from sleepcast.simulator.bodies.crashes import crash
 from sleepcast.simulator.bodies.payload import Payload
 from sleepcast.simulator.bodies.pilot import Results, pilot_of
@@ -105,6 +106,8 @@ class Simulator:
             NamesByRow(scenario) if self.population else names_of(scenario.each_type, self.bodies.count)
         )
         self.robots = Robots(self.bodies, self.senses, self.model)
+        self._closeness: Closeness | None = None
+        """Of flying bodies; there from their first tick on."""
         self._pinged = np.zeros(self.bodies.count, np.uint8)
         self.measuring = Measuring(scenario.measures, scenario.tick, self.bodies.x, self.bodies.y, self._there)
         self._halted = np.zeros(self.bodies.count, bool)
@@ -164,7 +167,8 @@ class Simulator:
             apply_events(self.world, scenario.events, things, self.tick + 1, scenario.tick)
         step(self.bodies)
         if self.bodies.flight:
-            crash(self.bodies, self.bodies.flight, self.names)
+            self._closeness = self._closeness or Closeness(self.bodies, self.bodies.flight)
+            crash(self.bodies, self.bodies.flight, self._closeness, self.names)
         self.senses.step()
         if self.payload:
             self.payload.halt(np.flatnonzero(self.bodies.stopped & ~self._halted))

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import sleepcast as sc
 from sleepcast.core.model import NativeCall
 from sleepcast.core.settings import SettingsError
-from sleepcast.simulator import Simulator, load
+from sleepcast.simulator import Simulator, load, read_scenario
 from sleepcast.simulator.bodies import range_and_bearing
 from sleepcast.simulator.engine import choose
 from sleepcast.simulator.snapshot import resume, state_of
@@ -275,6 +275,94 @@ def test_random_worlds_are_the_same_with_and_without_pairs(
             assert many
             results.append(many(sim.robots, some, radii[some]))
             results.append(many(sim.robots, some, np.full(40, radius), colours[some[::-1]]))
+    found = np.array(results).reshape(3, -1)
+    found[np.isnan(found)] = np.nan  # whatever sign it has
+    by_numpy, *others = found
+    assert all(each.tobytes() == by_numpy.tobytes() for each in others)
+
+
+SKY = """
+format = 2
+title = "a sky"
+seconds = "1min"
+tick = "0.1s"
+
+[world]
+width = "{width}m"
+height = "30m"
+{edge}
+
+[[robots]]
+like = "copter"
+count = 40
+
+[[robots]]
+type = "rover"
+count = 20
+
+[robots.limits]
+speed = "1m/s"
+turn_rate = "90deg/s"
+acceleration = "1m/s2"
+
+[robots.body]
+radius = "0.2m"
+
+[neighbours]
+reach = "12m"
+{errors}
+{shared}
+{walls}
+"""
+SKIES = {
+    "plain": ("100", "", ""),
+    "torus": ("40", 'edge = "torus"', ""),
+    "walls": ("40", "", '[[world.walls]]\npoints = [["20m", "0m"], ["20m", "15m"]]'),
+    "low walls": ("40", "", '[[world.walls]]\npoints = [["15m", "0m"], ["15m", "30m"]]\ntall = "12m"'),
+}
+
+
+@pytest.mark.parametrize("errors", ERRORS)
+@pytest.mark.parametrize("sky", SKIES)
+@given(chance=st.integers(0, 2**32 - 1), radius=st.sampled_from([0.0, 2.5, 7.0, 50.0]))
+@settings(max_examples=4, deadline=None)
+def test_random_skies_are_the_same_with_and_without_pairs(sky: str, errors: str, chance: int, radius: float) -> None:
+    """Copters and rovers, in one layer of cells or in several ones; and native code gets the same where it may ask."""
+    pytest.importorskip("numba")
+    width, edge, walls = SKIES[sky]
+    scenario = read_scenario(SKY.format(width=width, edge=edge, errors=ERRORS[errors], shared=SHARED, walls=walls))
+    drawn, results = np.random.default_rng(chance), []
+    places, headings = np.rint(drawn.uniform(0.0, 29.0, (3, 60)) * 2.0) / 2.0, drawn.uniform(-pi, pi, 60)
+    colours, opinions = drawn.integers(0, 3, 60).astype(float), drawn.choice([-0.0, 0.0, 1.5, np.nan], 60)
+    radii, some = drawn.choice([radius, 3.0], 60), drawn.permutation(60)[:50]
+    for machine, threads in (("numpy", 1), ("numba", 1), ("numba", 2)):
+        sim = Simulator(scenario, machine=choose(machine, threads))
+        near, flight = sim.senses._near, sim.bodies.flight
+        assert near
+        assert flight
+        sim.bodies.x[:], sim.bodies.y[:], sim.bodies.heading[:] = (*places[:2], headings)
+        flight.z[:40] = places[2, :40]
+        sim.bodies.moved()
+        for row, values in enumerate((colours, opinions, headings)):
+            near.share(row, np.arange(60), values)
+        near.step()
+        functions = {each.name: each for each in sim.model.functions}
+        for name in (*ASKED, "MEAN_Z", "NEAREST_Z", *REDUCED):
+            many = functions[name].many
+            assert many
+            results.append(many(sim.robots, some, radii[some]))
+            results.append(many(sim.robots, some, np.full(50, radius), colours[some[::-1]]))
+            native = functions[name].native
+            if machine == "numba" and native is not None:
+                call = native.bound(sim.robots, (radius,))
+                assert call
+                assert call.usable
+                assert call.usable() == (sky != "low walls")
+                if not call.usable():
+                    continue
+                ctypes.CFUNCTYPE(None, ctypes.c_void_p)(call.prepare)(call.senses)
+                expected = many(sim.robots, np.arange(20), np.full(20, radius))
+                assert np.array_equal(told(call, radius), expected, equal_nan=True)
     found = np.array(results).reshape(3, -1)
     found[np.isnan(found)] = np.nan  # whatever sign it has
     by_numpy, *others = found

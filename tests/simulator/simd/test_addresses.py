@@ -46,7 +46,7 @@ def test_another_process_needs_no_numba(tmp_path: Path, monkeypatch: pytest.Monk
 def test_without_numba_there_are_none(monkeypatch: pytest.MonkeyPatch) -> None:
     found = find_spec
     monkeypatch.setattr(addresses, "find_spec", lambda name: None if name == "numba" else found(name))
-    assert addresses._loaded.__wrapped__() is None
+    assert addresses._loaded.__wrapped__(False) is None
 
 
 def test_code_that_calls_what_is_not_in_every_process_is_none() -> None:

@@ -283,6 +283,8 @@ class Kernel:
         self._bodies, self.called = bodies, called
         self.prepared = sorted({(each.prepare, each.senses) for each in called})
         """The functions to be called before it, each with the address of its only argument."""
+        self._conditions = {each.usable for each in called if each.usable is not None}
+        """What has to hold for it to be called."""
         self._bound: tuple[object, ...] = ()
         self._layout = -1
         """`FleetState.layouts` when the table was filled."""
@@ -325,7 +327,8 @@ class Kernel:
         whether there are any.
         """
         start, stop = where.start, where.stop
-        if when is None or state.count < self.lanes or not self.bind(state, part, sinks):
+        possible = state.count >= self.lanes and all(usable() for usable in self._conditions)
+        if when is None or not possible or not self.bind(state, part, sinks):
             present = part[start:stop]
             present[present == THERE] = TROUBLED
             return True

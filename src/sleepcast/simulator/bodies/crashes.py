@@ -12,19 +12,20 @@ from collections.abc import Sequence
 import numpy as np
 
 from sleepcast.simulator.bodies.bodies import Bodies, Flags, Floats, Saying, Whole
+from sleepcast.simulator.bodies.closeness import Closeness
 from sleepcast.simulator.bodies.flight import Flight
 from sleepcast.simulator.world.grid import spread
 
 A_WALL = "a wall"
 
 
-def crash(bodies: Bodies, flight: Flight, names: Sequence[str]) -> None:
+def crash(bodies: Bodies, flight: Flight, closeness: Closeness, names: Sequence[str]) -> None:
     """Let those crash that have touched in the tick that is over, and say what they have hit. names: of all bodies."""
     z = np.nan_to_num(flight.z)
     first = np.flatnonzero(flight.flies & (z > flight.ground))
     if not first.size:
         return
-    one, other = _touching(bodies, flight.way, z, first)
+    one, other = _touching(bodies, flight.way, z, closeness.of(first, flight.way))
     hit: dict[int, str] = {}
     for pair in sorted({*zip(one.tolist(), other.tolist(), strict=True)}):
         for robot, whom in (pair, pair[::-1]):

@@ -26,9 +26,11 @@ from sleepcast.core.records import NamedTuple
 from sleepcast.core.units import LENGTH, NONE, UNITS, Dimension, is_angle
 from sleepcast.simulator.bodies.bodies import Bodies, Flags, Floats
 from sleepcast.simulator.bodies.body import Body, BodySenses, acting
+from sleepcast.simulator.bodies.places import Places
 from sleepcast.simulator.bodies.population import Turnover
 from sleepcast.simulator.bodies.voronoi import centroids
 from sleepcast.simulator.neighbours.neighbourhood import (
+    ABOVE,
     ACROSS,
     ANGLE,
     AS_IT_IS,
@@ -37,8 +39,10 @@ from sleepcast.simulator.neighbours.neighbourhood import (
     DIRECTION,
     DX,
     DY,
+    DZ,
     FROM_X,
     FROM_Y,
+    FROM_Z,
     HEADING,
     LEAST,
     LOST,
@@ -64,12 +68,9 @@ from sleepcast.simulator.simd.formulas import arc_tangent, rotated, shortest, si
 from sleepcast.simulator.sonar.noise import deviates
 from sleepcast.simulator.world.grid import Grid, Sorted, Whole, only
 from sleepcast.simulator.world.sight import SightLines
-from sleepcast.simulator.world.torus import Images
 
 MAX_PAIRS = 1 << 20
 """Pairs of neighbours processed at once: some hundred megabytes."""
-ABOVE = "neighbour above"
-"""What is drawn by chance, besides what the plane has."""
 COLOUR = 0
 """The row of the colours in the table of shared numbers."""
 
@@ -98,24 +99,27 @@ class RangeAndBearing:
 
     def __init__(self, bodies: Bodies, model: NeighbourModel) -> None:
         self._bodies, self._model = bodies, model
-        self._compiles = bodies.machine.compiles and bodies.population is None and bodies.flight is None
-        """Whether compiled code may be asked, which takes rows for numbers, each for a robot that is there, on the
-        plane."""
+        self._hides, flies = bodies.scenario.sight.neighbours, bodies.flight is not None
+        self._compiles = bodies.machine.compiles and bodies.population is None
+        """Whether compiled code may be asked for formulas, which takes rows for numbers, each for a robot that is
+        there."""
+        self._lists = self._compiles and not flies
+        """Whether it may be asked who the neighbours are, which is the plane's only."""
         self._first_group = 1 + len(model.shares)
         self._shared: Floats = np.full((self._first_group + len(model.shows_groups), bodies.count), np.nan)
         """What neighbours see in this tick: colours, shared numbers, NaN where a robot shares none, and who is in the
         groups that are shown; below what they will see in the next one."""
         self._shared[COLOUR] = self._shared[self._first_group :] = 0.0
         self._set: Floats = self._shared.copy()
-        tables = (bodies.x, bodies.y, bodies.heading, *bodies.sensed[:3], self._shared, self._set)
-        self._row_of_z = [sensor.name for sensor in bodies.sensors].index("z") if bodies.flight is not None else 0
-        self._hides = bodies.scenario.sight.neighbours
+        self._row_of_z = [sensor.name for sensor in bodies.sensors].index("z") if flies else 0
+        heights = None if bodies.flight is None else (bodies.flight.z, bodies.sensed[self._row_of_z])
+        tables = (bodies.x, bodies.y, bodies.heading, *bodies.sensed[:3], self._shared, self._set, heights)
         sight = bodies.sight.walls if self._hides else SightLines((bodies.scenario.width, bodies.scenario.height))
         self._near = Neighbourhood(bodies.scenario, model, bodies.seed, BodyTables(*tables), sight)
         self._across = bodies.scenario.width + bodies.scenario.height
         """No two bodies are farther from each other over the ground, m."""
-        self._reach = min(model.reach, self._across + (bodies.limits.ceiling if bodies.flight is not None else 0.0))
-        self._sorted: dict[float, tuple[Grid, Sorted, Images]] = {}
+        self._reach = min(model.reach, self._across + (bodies.limits.ceiling if flies else 0.0))
+        self._sorted: dict[float, tuple[Grid, Sorted, Places]] = {}
         """All bodies in cells as large as the greatest radius asked for, by that radius."""
         self._recent: list[tuple[_NeighbourQuery, Pairs]] = []
         self._listed: list[tuple[_NeighbourQuery, int, tuple[Whole, Whole]]] = []
@@ -130,7 +134,7 @@ class RangeAndBearing:
     def beginning(self) -> tuple[int, int] | None:
         """The addresses of native code that begins a tick instead of `step`, and of its argument; None where chance has
         a part, or without compiled code."""
-        code = None if self._near.chancy or not self._compiles else addresses()
+        code = None if self._near.chancy or not self._compiles else addresses(flies=self._near.flies)
         return None if code is None else (code["begin"], self._near.address)
 
     def keep_up(self) -> None:
@@ -188,7 +192,7 @@ class RangeAndBearing:
         """What is `asked`, for each of `robots`, from its neighbours within `radius` (m) and reach. colour: of the
         neighbours that count, one for each robot; none: all count."""
         query = self._query(robots, radius, *colour)
-        if isinstance(asked, Formula) and self._compiles:
+        if isinstance(asked, Formula) and self._compiles and self._near.covered:
             return self._compiled(asked, query)
         over = partial(_fold, asked) if isinstance(asked, Formula) else asked
         results = [over(self, each) for each in self._pairs(query)]
@@ -201,7 +205,7 @@ class RangeAndBearing:
             if limit == most and before.same(query):
                 return listed
         lists = []
-        if self._compiles:
+        if self._lists:
             vicinity = self._near.vicinity(_reach_of(query.radius), self._bodies.tick, turning=False)
             counts, keys = self._bodies.machine.near_lists(vicinity, *query)
             if counts.max(initial=0) <= most:
@@ -227,7 +231,7 @@ class RangeAndBearing:
         bodies.sense(np.flatnonzero(asking), sonars=False)
         shown = [*self._model.shares, *self._model.shows_groups]
         row = shown.index(field) + 1 if field in shown else COLOUR
-        if self._compiles:
+        if self._lists:
             self.keep_up()
             near, quantity = self._near.begin(bodies.tick), _QUANTITIES.get(field, VALUE)
             return bodies.machine.shown(near, quantity, row, robots, others, self._reach)
@@ -280,7 +284,7 @@ class RangeAndBearing:
 
     def bound(self, formula: Formula, arguments: Sequence[float | None]) -> NativeCall | None:
         """How native code asks for a formula with these arguments; see `NativeForm`."""
-        code = addresses() if self._bodies.population is None and self._bodies.flight is None else None
+        code = addresses(flies=self._near.flies) if self._compiles else None
         if code is None or arguments[0] is None:
             return None
         self.keep_up()
@@ -290,7 +294,13 @@ class RangeAndBearing:
             return None
         asked = question(vicinity, formula, float(radius[0]))
         call = code["ask_lanes" if len(arguments) == 1 else "ask_coloured"]
-        return NativeCall(call, asked.ctypes.data, code["prepare"], self._near.address, (self._near, asked))
+        usable = self._is_covered if self._hides and self._near.flies else None
+        return NativeCall(call, asked.ctypes.data, code["prepare"], self._near.address, (self._near, asked), usable)
+
+    def _is_covered(self) -> bool:
+        """Whether kernels know all that hides neighbours at present."""
+        self.keep_up()
+        return self._near.covered
 
     @property
     def first_id(self) -> int:
@@ -313,11 +323,6 @@ class RangeAndBearing:
         self._bodies.sense(robots, sonars=False)
         z: Floats = self._bodies.sensed[self._row_of_z, robots]
         return z
-
-    def over(self, pairs: Pairs, fold: Callable[[Pairs, Floats], Floats]) -> Floats:
-        """What a fold makes of the z of neighbours, m; only where some fly."""
-        assert pairs.dz is not None
-        return self.own_z(pairs.asked) + fold(pairs, pairs.dz)
 
     def cells(self, pairs: Pairs) -> tuple[Floats, Floats]:
         """Centroid x, y of the Voronoi cell of each robot that asked, m, within half the radius that it asked for: what
@@ -349,31 +354,32 @@ class RangeAndBearing:
         for before, pairs_before in self._recent:
             if before.same(query):
                 return [pairs_before]
-        bodies, reach = self._bodies, _reach_of(np.minimum(query.radius, self._across))
+        bodies, reach = self._bodies, _reach_of(query.radius)
         block = np.zeros(query.robots.size, np.int64)
         if query.robots.size > MAX_PAIRS // bodies.count:
-            grid, points, images = self._cells(reach)
-            around = (2 * ceil(reach / grid.size) + 1) ** 2
+            grid, points, places = self._cells(reach)
+            around = (2 * ceil(reach / grid.size) + 1) ** 2 * min(2 * ceil(reach / grid.size) + 1, grid.layers)
             if query.robots.size * around * int(np.diff(points.start).max()) > MAX_PAIRS:
-                x, y = images.x[query.robots], images.y[query.robots]
-                block = np.cumsum(bodies.machine.candidates(grid, points, x, y, reach)) // MAX_PAIRS
+                block = np.cumsum(places.candidates(grid, points, reach, query.robots)) // MAX_PAIRS
         ends = [0, *(np.flatnonzero(np.diff(block)) + 1).tolist(), query.robots.size]
         blocks = [self._block(query.part(slice(*each)), reach) for each in pairwise(ends)]
         if len(blocks) == 1:
             self._recent = [*self._recent[1 - MAX_RECENT :], (query, blocks[0])]
         return blocks
 
-    def _cells(self, reach: float) -> tuple[Grid, Sorted, Images]:
+    def _cells(self, reach: float) -> tuple[Grid, Sorted, Places]:
         """All bodies, and on a torus their images, in cells of about `reach` m."""
         if reach not in self._sorted:
             bodies, cells = self._bodies, cells_of(self._bodies.scenario, self._bodies.count, reach)
             images = cells.images(bodies.x, bodies.y)
             if len(self._sorted) == MAX_RECENT:
                 self._sorted.clear()
-            points = bodies.machine.sort(cells.grid, images.x, images.y)
+            z = None if bodies.flight is None else np.nan_to_num(bodies.flight.z)[images.of]
+            places = Places(images, z, bodies.machine)
+            points = places.sort(cells.grid)
             if bodies.population is not None:
                 points = only(points, bodies.population.present[images.of])
-            self._sorted[reach] = cells.grid, points, images
+            self._sorted[reach] = cells.grid, points, places
         return self._sorted[reach]
 
     def _block(self, query: _NeighbourQuery, reach: float) -> Pairs:
@@ -381,8 +387,9 @@ class RangeAndBearing:
         bodies = self._bodies
         index = np.empty(bodies.count, np.int64)
         index[query.robots] = np.arange(query.robots.size)
-        grid, points, every = self._cells(reach)
-        first, other = bodies.machine.pairs(grid, points, every.x, every.y, reach, query.robots)
+        grid, points, places = self._cells(reach)
+        first, other = places.pairs(grid, points, reach, query.robots)
+        every = places.images
         dx, dy = every.x[other] - every.x[first], every.y[other] - every.y[first]
         return self._sensed(query, index[first], every.whose(other), dx, dy)
 
@@ -459,11 +466,14 @@ def _fold(formula: Formula, near: RangeAndBearing, pairs: Pairs) -> Floats:
         given = ~np.isnan(values)
         pairs, values = pairs.where(given), values[given]
     else:
-        values = (np.ones(pairs.other.size), pairs.dx, pairs.dy, pairs.away, pairs.away)[quantity]
+        rise = pairs.away if pairs.dz is None else pairs.dz
+        values = {ONE: np.ones(pairs.other.size), DX: pairs.dx, DY: pairs.dy, DZ: rise}.get(quantity, pairs.away)
     if fold == DIRECTION:
         cosine, sine = near.headings(pairs) if quantity == HEADING else sine_cosine(wrap(values))[::-1]
         return _direction(pairs, cosine, sine)
     found = _FOLDS[fold](pairs, values)
+    if frame == FROM_Z:
+        return near.own_z(pairs.asked) + found
     return found if frame == AS_IT_IS else near.own_frame(pairs.asked)[frame - FROM_X] + found
 
 
@@ -534,9 +544,9 @@ _ASKED: tuple[tuple[str, Dimension, str, Formula | OverPairs], ...] = (
     ),
 )
 """Name, dimension of the result, description, and what is asked."""
-_ASKED_ABOVE: tuple[tuple[str, Dimension, str, OverPairs], ...] = (
-    ("MEAN_Z", LENGTH, "Mean z of the neighbours within r.", lambda near, pairs: near.over(pairs, Pairs.mean)),
-    ("NEAREST_Z", LENGTH, "z of the nearest neighbour within r.", lambda near, pairs: near.over(pairs, Pairs.nearest)),
+_ASKED_ABOVE = (
+    ("MEAN_Z", LENGTH, "Mean z of the neighbours within r.", Formula(DZ, MEAN, FROM_Z)),
+    ("NEAREST_Z", LENGTH, "z of the nearest neighbour within r.", Formula(DZ, NEAREST, FROM_Z)),
 )
 """The same where robots fly."""
 

@@ -2,6 +2,9 @@
 
 They go through the neighbours in the order in which `grid.pairs` gives them, and compute with the formulas of
 `pairs.Pairs`: sums have the same bits. Where everything lies they read in the tables of `neighbourhood`.
+
+On the plane neighbours lie in a disc, where something flies in a ball. The same code is compiled for both: what only
+the ball needs is left out where `ball` is None.
 """
 
 from __future__ import annotations
@@ -19,8 +22,10 @@ from sleepcast.simulator.neighbours.neighbourhood import (
     DIRECTION,
     DX,
     DY,
+    DZ,
     FROM_X,
     FROM_Y,
+    FROM_Z,
     HEADING,
     LEAST,
     LISTED,
@@ -80,10 +85,13 @@ SEEN = kernels_sight.SEEN
     LOST_KEY,
     ACROSS_KEY,
     UP_KEY,
+    ABOVE_KEY,
     COSINE,
     SINE,
     TURNING,
     SIGHT,
+    PLACE_Z,
+    SENSED_Z,
     VICINITIES,
     FIRST,
 ) = map(int, neighbourhood.Near)
@@ -105,6 +113,8 @@ SEEN = kernels_sight.SEEN
     SORTED_X,
     SORTED_Y,
     WALLS,
+    LAYERS,
+    SORTED_Z,
 ) = map(int, neighbourhood.Of)
 
 
@@ -196,17 +206,23 @@ def sort_points(vicinity, points):
     columns, rows, size = long_at(vicinity, COLUMNS), long_at(vicinity, ROWS), real_at(vicinity, SIZE)
     order, whose, its = long_at(vicinity, ORDER), long_at(vicinity, WHOSE), long_at(vicinity, SORTED_WHOSE)
     sorted_x, sorted_y = long_at(vicinity, SORTED_X), long_at(vicinity, SORTED_Y)
-    for i in range(columns * rows + 2):
+    layers, place_z = long_at(vicinity, LAYERS), long_at(long_at(vicinity, AROUND), PLACE_Z)
+    cells = columns * rows * layers
+    for i in range(cells + 2):
         put_whole(start, i, I(0))
     for i in range(points):
         column = min(max(int(real_at(x, i) / size), 0), columns - 1)
         row = min(max(int(real_at(y, i) / size), 0), rows - 1)
         put_whole(cell, i, I(row * columns + column))
+    if layers > 1:
+        for i in range(points):
+            layer = min(max(int(height_of(place_z, whole_at(whose, i)) / size), 0), layers - 1)
+            put_whole(cell, i, I(whole_at(cell, i) + layer * rows * columns))
     for i in range(points):
         here = whole_at(cell, i)
         put_whole(start, here + 2, I(whole_at(start, here + 2) + 1))
     total = 0
-    for i in range(2, columns * rows + 2):  # until all are placed, each cell's beginning is one further
+    for i in range(2, cells + 2):  # until all are placed, each cell's beginning is one further
         total += whole_at(start, i)
         put_whole(start, i, I(total))
     for i in range(points):
@@ -217,6 +233,17 @@ def sort_points(vicinity, points):
         put_whole(its, at, whole_at(whose, i))
         put_real(sorted_x, at, real_at(x, i))
         put_real(sorted_y, at, real_at(y, i))
+    if place_z:
+        sorted_z = long_at(vicinity, SORTED_Z)
+        for at in range(points):
+            put_real(sorted_z, at, height_of(place_z, whole_at(its, at)))
+
+
+@woven
+def height_of(place_z, robot):
+    """The z of a robot, m; what does not fly is at 0."""
+    z = real_at(place_z, np.int64(robot))
+    return z if z == z else 0.0
 
 
 # ---- asking
@@ -226,13 +253,25 @@ def sort_points(vicinity, points):
 def ask_many(vicinity, quantity, fold, frame, row, robots, radius, colour, order, first, last, found):
     """Write what `formula` comes to for the robots from `first` to `last` (exclusive) in an order of them into `found`.
     radius: m, one for each; colour: likewise, NaN for any; order: indices of all of these."""
+    ask_each(vicinity, None, quantity, fold, frame, row, robots, radius, colour, order, first, last, found)
+
+
+@strict
+def ask_many_in_ball(vicinity, quantity, fold, frame, row, robots, radius, colour, order, first, last, found):
+    """As `ask_many`, where something flies."""
+    ask_each(vicinity, True, quantity, fold, frame, row, robots, radius, colour, order, first, last, found)
+
+
+@woven
+def ask_each(vicinity, ball, quantity, fold, frame, row, robots, radius, colour, order, first, last, found):
+    """See `ask_many`."""
     before, within = -1.0, 0.0
     for index in range(first, last):
         i = order[index]
         if radius[i] != before:
             before = radius[i]
             within = square_within(before)
-        found[i] = ask(vicinity, quantity, fold, frame, row, robots[i], within, colour[i])
+        found[i] = ask(vicinity, ball, quantity, fold, frame, row, robots[i], within, colour[i])
 
 
 @strict
@@ -240,7 +279,7 @@ def count_many(vicinity, robots, radius, colour, counts):
     """Write the number of neighbours of each of the robots into `counts`; as `ask_many`."""
     for i in range(len(robots)):
         within = square_within(radius[i])
-        _, _, count, _ = gather(vicinity, ONE, TOTAL, 0, robots[i], within, colour[i], 0.0, 0.0, 0)
+        _, _, count, _ = gather(vicinity, None, ONE, TOTAL, 0, robots[i], within, colour[i], 0.0, 0.0, 0)
         counts[i] = np.int64(count)
 
 
@@ -250,7 +289,7 @@ def list_many(vicinity, robots, radius, colour, counts, listed):
     half, that of the neighbour."""
     for i in range(len(robots)):
         within = square_within(radius[i])
-        gather(vicinity, DX, LISTED, 0, robots[i], within, colour[i], 0.0, 0.0, listed)
+        gather(vicinity, None, DX, LISTED, 0, robots[i], within, colour[i], 0.0, 0.0, listed)
         listed += 8 * counts[i]
 
 
@@ -323,31 +362,43 @@ def ask_lanes(question, first, mask, lanes, numbers, found):
     """What a `neighbourhood.question` comes to for the robots from `first` on whose bits are set in `mask`, into the
     numbers at `found`, of which there are as many as `lanes`. numbers: the radii as they were written; the question has
     the square, within the reach of the sensor."""
-    answer(question, first, mask, lanes, 0, found)
+    answer(question, None, first, mask, lanes, 0, found)
 
 
 @strict
 def ask_coloured(question, first, mask, lanes, numbers, found):
     """The same of neighbours of one colour for each, which follow the radii."""
-    answer(question, first, mask, lanes, numbers + 8 * lanes, found)
+    answer(question, None, first, mask, lanes, numbers + 8 * lanes, found)
+
+
+@strict
+def ask_lanes_in_ball(question, first, mask, lanes, numbers, found):
+    """As `ask_lanes`, where something flies."""
+    answer(question, True, first, mask, lanes, 0, found)
+
+
+@strict
+def ask_coloured_in_ball(question, first, mask, lanes, numbers, found):
+    """As `ask_coloured`, where something flies."""
+    answer(question, True, first, mask, lanes, numbers + 8 * lanes, found)
 
 
 @part
-def answer(question, first, mask, lanes, colours, found):
+def answer(question, ball, first, mask, lanes, colours, found):
     """See `ask_lanes`. colours: where they lie, 0 for any."""
     vicinity, quantity, fold = long_at(question, 0), long_at(question, 1), long_at(question, 2)
     frame, row, within = long_at(question, 3), long_at(question, 4), real_at(question, 5)
     if fold == DIRECTION:
-        directions(vicinity, quantity, row, first, mask, lanes, within, colours, found)
+        directions(vicinity, ball, quantity, row, first, mask, lanes, within, colours, found)
         return
     for lane in range(lanes):
         if mask >> lane & 1:
             colour = real_at(colours, lane) if colours else nan
-            put_real(found, lane, ask(vicinity, quantity, fold, frame, row, first + lane, within, colour))
+            put_real(found, lane, ask(vicinity, ball, quantity, fold, frame, row, first + lane, within, colour))
 
 
 @part
-def directions(vicinity, quantity, row, first, mask, lanes, within, colours, found):
+def directions(vicinity, ball, quantity, row, first, mask, lanes, within, colours, found):
     """The same as `ask` for directions, which are computed side by side."""
     sums, others, counts = stack_room(LANES), stack_room(LANES), stack_room(LANES)
     for lane in range(LANES):
@@ -355,7 +406,7 @@ def directions(vicinity, quantity, row, first, mask, lanes, within, colours, fou
         if lane < lanes and mask >> lane & 1:
             colour = real_at(colours, lane) if colours else nan
             total, other, count, _ = gather(
-                vicinity, quantity, DIRECTION, row, first + lane, within, colour, 0.0, 0.0, 0
+                vicinity, ball, quantity, DIRECTION, row, first + lane, within, colour, 0.0, 0.0, 0
             )
         put_real(sums, lane, total)
         put_real(others, lane, other)
@@ -368,17 +419,17 @@ def directions(vicinity, quantity, row, first, mask, lanes, within, colours, fou
 
 
 @part
-def ask(vicinity, quantity, fold, frame, row, robot, within, colour):
+def ask(vicinity, ball, quantity, fold, frame, row, robot, within, colour):
     """What a formula comes to for one robot, NaN for unknown. within: see `square_within`."""
     if fold == OUTLIER:
-        across, _, count, _ = gather(vicinity, DX, TOTAL, 0, robot, within, colour, 0.0, 0.0, 0)
-        up, _, _, _ = gather(vicinity, DY, TOTAL, 0, robot, within, colour, 0.0, 0.0, 0)
+        across, _, count, _ = gather(vicinity, ball, DX, TOTAL, 0, robot, within, colour, 0.0, 0.0, 0)
+        up, _, _, _ = gather(vicinity, ball, DY, TOTAL, 0, robot, within, colour, 0.0, 0.0, 0)
         least = max(count, 1.0)
         found, _, count, _ = gather(
-            vicinity, quantity, OUTLIER, 0, robot, within, colour, across / least, up / least, 0
+            vicinity, ball, quantity, OUTLIER, 0, robot, within, colour, across / least, up / least, 0
         )
     else:
-        found, other, count, best = gather(vicinity, quantity, fold, row, robot, within, colour, 0.0, 0.0, 0)
+        found, other, count, best = gather(vicinity, ball, quantity, fold, row, robot, within, colour, 0.0, 0.0, 0)
         if fold == MEAN:
             found = found / max(count, 1.0)
         elif fold == DIRECTION:
@@ -394,11 +445,13 @@ def ask(vicinity, quantity, fold, frame, row, robot, within, colour):
         return real_at(long_at(near, SENSED_X), robot) + found
     if frame == FROM_Y:
         return real_at(long_at(near, SENSED_Y), robot) + found
+    if ball is not None and frame == FROM_Z:
+        return real_at(long_at(near, SENSED_Z), robot) + found
     return found
 
 
 @part
-def gather(vicinity, quantity, fold, row, robot, within, colour, middle_x, middle_y, listed):
+def gather(vicinity, ball, quantity, fold, row, robot, within, colour, middle_x, middle_y, listed):
     """Fold a quantity of all neighbours of one robot. Gives the sum, or the value of the neighbour that is nearest, or
     farthest from the middle; the sum of the sines, where the other one is of cosines; how many they are; and the
     greatest value, or of LEAST the greatest negative one. listed: where LISTED writes them, see `list_many`."""
@@ -421,6 +474,12 @@ def gather(vicinity, quantity, fold, row, robot, within, colour, middle_x, middl
     veiled = walls != 0 or discs != 0
     found, other_found, count, best = 0.0, 0.0, 0.0, -inf
     line, high, left, right = cells_around(own_x, own_y, size, columns, long_at(vicinity, ROWS), reach)
+    own_z, sorted_z, last, rows, span = 0.0, 0, high, 0, 0
+    if ball is not None:
+        own_z, sorted_z = height_of(long_at(near, PLACE_Z), robot), long_at(vicinity, SORTED_Z)
+        rows, span = long_at(vicinity, ROWS), high - line
+        bottom, top = layers_around(own_z, size, long_at(vicinity, LAYERS), reach)
+        line, high, last = line + bottom * rows, high + bottom * rows, high + top * rows
     room, ways, k = stack_room(ROOM), stack_room(WAYS), np.int64(whole_at(start, line * columns + left))
     while line < high:
         taken = 0
@@ -429,7 +488,11 @@ def gather(vicinity, quantity, fold, row, robot, within, colour, middle_x, middl
             end = min(stop, k + AT_ONCE - taken)
             for each in range(k, end, LANES):
                 dx, dy = reals_at(sorted_x, each) - own_x, reals_at(sorted_y, each) - own_y
-                close = (dx * dx + dy * dy <= least) & (wholes_at(order, each) != I(robot))
+                squares = dx * dx + dy * dy
+                if ball is not None:
+                    dz = reals_at(sorted_z, each) - own_z
+                    squares = squares + dz * dz
+                close = (squares <= least) & (wholes_at(order, each) != I(robot))
                 close = close & (places() < I(end - each))
                 pack_at(room, taken, places() + I(each), close)
                 if veiled:
@@ -439,6 +502,9 @@ def gather(vicinity, quantity, fold, row, robot, within, colour, middle_x, middl
             k = end
             if k == stop:
                 line += 1
+                if ball is not None:  # the first row of the next layer
+                    above = line == high and high < last
+                    line, high = (line + rows - span, high + rows) if above else (line, high)
                 k = np.int64(whole_at(start, min(line, high - 1) * columns + left))
         if veiled and taken > 0:
             taken = visible(vicinity, near, robot, seen, walls, discs, room, ways, taken)
@@ -454,7 +520,11 @@ def gather(vicinity, quantity, fold, row, robot, within, colour, middle_x, middl
         for index in range(taken):
             at = np.int64(whole_at(room, index))
             dx, dy = real_at(sorted_x, at) - own_x, real_at(sorted_y, at) - own_y
-            away, other = sqrt(dx * dx + dy * dy) if measured else 0.0, np.int64(whole_at(whose, at))
+            squares, dz, other = dx * dx + dy * dy, 0.0, np.int64(whole_at(whose, at))
+            if ball is not None:
+                dz = real_at(sorted_z, at) - own_z
+                squares = squares + dz * dz
+            away = sqrt(squares) if measured else 0.0
             if coloured and real_at(shared, other) != colour:
                 continue
             if loss > 0.0 or noise > 0.0:
@@ -467,7 +537,11 @@ def gather(vicinity, quantity, fold, row, robot, within, colour, middle_x, middl
                     wide = noise * away
                     dx = dx + wide * deviate(mixed(multiple, U(long_at(near, ACROSS_KEY))))
                     dy = dy + wide * deviate(mixed(multiple, U(long_at(near, UP_KEY))))
-                    away = sqrt(dx * dx + dy * dy)
+                    squares = dx * dx + dy * dy
+                    if ball is not None:
+                        dz = dz + wide * deviate(mixed(multiple, U(long_at(near, ABOVE_KEY))))
+                        squares = squares + dz * dz
+                    away = sqrt(squares)
             if fold == LISTED:
                 put_long(listed, np.int64(count), robot << 32 | other)
                 count += 1.0
@@ -479,6 +553,8 @@ def gather(vicinity, quantity, fold, row, robot, within, colour, middle_x, middl
                 value = dx
             elif quantity == DY:
                 value = dy
+            elif quantity == DZ:
+                value = dz
             elif quantity == AWAY:
                 value = away
             elif quantity == HEADING:
@@ -505,6 +581,13 @@ def gather(vicinity, quantity, fold, row, robot, within, colour, middle_x, middl
                 if key > best:
                     found, best = value, key
     return found, other_found, count, best
+
+
+@woven
+def layers_around(z, size, layers, reach):
+    """The layers of cells within `reach` m of a height: the first and the last one."""
+    layer, cells = min(max(int(z / size), 0), layers - 1), int(np.ceil(reach / size))
+    return max(layer - cells, 0), min(layer + cells, layers - 1)
 
 
 @part

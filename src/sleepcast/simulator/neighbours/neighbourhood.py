@@ -23,21 +23,21 @@ from sleepcast.simulator.world.sight import SightLines, SolidsByCell
 from sleepcast.simulator.world.torus import PLAIN, Cells, cells_over
 
 # What a neighbour is asked for.
-ONE, DX, DY, AWAY, HEADING, VALUE, ANGLE, BEARING = range(8)
+ONE, DX, DY, AWAY, HEADING, VALUE, ANGLE, BEARING, DZ = range(9)
 # How the answers of all neighbours become one number; or who they are.
 TOTAL, MEAN, LEAST, MOST, NEAREST, DIRECTION, OUTLIER, LISTED = range(8)
-# Whose own place is added to it: none's, or the x or y of the robot that asks.
-AS_IT_IS, FROM_X, FROM_Y = range(3)
+# Whose own place is added to it: none's, or the x, y or z of the robot that asks.
+AS_IT_IS, FROM_X, FROM_Y, FROM_Z = range(4)
 
 
 class Formula(NamedTuple):
     """A number from what a robot senses of its neighbours.
 
-    quantity: 1, the x or y of the vector to the neighbour, its length, its heading, the number of `row` that it shares,
-        or that number as an angle
+    quantity: 1, the x, y or z of the vector to the neighbour, its length, its heading, the number of `row` that it
+        shares, or that number as an angle
     fold: total, mean, least, most, that of the nearest one, direction of the sum of unit vectors, or that of the one
         farthest from the mean place
-    frame: whether the robot's own x or y is added
+    frame: whether the robot's own x, y or z is added
     row: of the table of shared numbers
     """
 
@@ -77,16 +77,20 @@ class Near(IntEnum):
     """Keys of chance in this tick."""
     ACROSS_KEY = 17
     UP_KEY = 18
-    COSINE = 19
+    ABOVE_KEY = 19
+    COSINE = 20
     """Of the true headings."""
-    SINE = 20
-    TURNING = 21
+    SINE = 21
+    TURNING = 22
     """Whether cosines and sines are wanted."""
-    SIGHT = 22
+    SIGHT = 23
     """Address of the table of what hides neighbours, see `sight.Lines`."""
-    VICINITIES = 23
+    Z = 24
+    """True z, NaN of what does not fly; 0 where nothing does, and neighbours lie in a disc instead of a ball."""
+    SENSED_Z = 25
+    VICINITIES = 26
     """Vicinities to be kept up to date; their addresses follow from FIRST on."""
-    FIRST = 24
+    FIRST = 27
 
 
 class Of(IntEnum):
@@ -118,9 +122,12 @@ class Of(IntEnum):
     WALLS = 16
     """Address of the table of all solids within reach of each cell, see `sight.SightLines.around`; 0 where the walk
     along cells takes less time."""
+    LAYERS = 17
+    """Of cells above each other."""
+    SORTED_Z = 18
 
 
-LOST, ACROSS, UP = "neighbour lost", "neighbour across", "neighbour up"
+LOST, ACROSS, UP, ABOVE = "neighbour lost", "neighbour across", "neighbour up", "neighbour above"
 """What is drawn by chance for each pair in each tick."""
 MAX_VICINITIES = 16
 """Radii of one run at most that are kept up to date for native code."""
@@ -132,6 +139,7 @@ class BodyTables(NamedTuple):
     x, y, heading: true pose, m and rad
     sensed_x, sensed_y, sensed_heading: the pose that the robot senses
     shared, following: what neighbours see in this tick, and in the next one; shape (rows, robots), colours first
+    heights: true and sensed z, m; None where nothing flies
     """
 
     x: Floats
@@ -142,16 +150,18 @@ class BodyTables(NamedTuple):
     sensed_heading: Floats
     shared: Floats
     following: Floats
+    heights: tuple[Floats, Floats] | None = None
 
 
 class Vicinity:
-    """All bodies around each one up to one radius. reach: m, with a margin for rounding."""
+    """All bodies around each one up to one radius. reach: m, with a margin for rounding. ball: whether they lie in a
+    ball, not in a disc."""
 
     def __init__(self, near: Neighbourhood, count: int, cells: Cells, reach: float) -> None:
         grid, torus = cells.grid, cells.around != PLAIN
         doubling = 2.0 * reach <= min(cells.around)  # then each axis has an image of a body at most
         points = count * (1 if not torus else 4 if doubling else 9)
-        self._places = np.empty((4, points + LANES))  # kernels read LANES at once
+        self._places = np.empty((4 + near.flies, points + LANES))  # kernels read LANES at once
         self._indices = np.empty((4, points + LANES), np.int32)
         self._start = np.empty(grid.cells + 2, np.int32)
         self.table = np.zeros(len(Of), np.int64)
@@ -159,12 +169,14 @@ class Vicinity:
         reals[Of.REACH], reals[Of.SIZE], reals[Of.MARGIN] = reach, grid.size, cells.margin[0]
         table[Of.NEAR], table[Of.STALE] = near.address, 1
         table[Of.COLUMNS], table[Of.ROWS], table[Of.START] = grid.columns, grid.rows, self._start.ctypes.data
-        places = (row.ctypes.data for row in self._places)
-        table[Of.X], table[Of.Y], table[Of.SORTED_X], table[Of.SORTED_Y] = places
+        table[Of.LAYERS] = grid.layers
+        words = (Of.X, Of.Y, Of.SORTED_X, Of.SORTED_Y, Of.SORTED_Z)
+        for word, row in zip(words, self._places, strict=False):  # there is no z on the plane
+            table[word] = row.ctypes.data
         indices = (row.ctypes.data for row in self._indices)
         table[Of.WHOSE], table[Of.CELL], table[Of.ORDER], table[Of.SORTED_WHOSE] = indices
         self.address = self.table.ctypes.data
-        self._reach, self._count = reach, count
+        self._reach, self._count, self.ball = reach, count, near.flies
         self._walls: SolidsByCell | None = None
 
     def order_of(self, robots: Whole) -> Short:
@@ -197,10 +209,12 @@ class Neighbourhood:
         self._passing: dict[float, Vicinity] = {}
         self._kept: dict[float, Vicinity] = {}
         self._sight, self._version = sight, sight.version
-        self._arrays = (*tables, *self._turns)
+        self.flies = tables.heights is not None
+        """Whether neighbours lie in a ball."""
+        self._arrays = (*tables[:-1], *self._turns, *(tables.heights or ()))
         words = (
             *(Near.X, Near.Y, Near.HEADING, Near.SENSED_X, Near.SENSED_Y, Near.SENSED_HEADING),
-            *(Near.SHARED, Near.SHARED_NEXT, Near.COSINE, Near.SINE),
+            *(Near.SHARED, Near.SHARED_NEXT, Near.COSINE, Near.SINE, *((Near.Z, Near.SENSED_Z) if self.flies else ())),
         )
         for word, array in zip(words, self._arrays, strict=True):
             self.table[word] = array.ctypes.data
@@ -213,6 +227,12 @@ class Neighbourhood:
         self.chancy = bool(model.loss or model.noise)
         """Whether chance has a part in what robots sense."""
         self._drawn = -1
+
+    @property
+    def covered(self) -> bool:
+        """Whether kernels know all that hides neighbours: nobody can look over anything, since for them it is endless
+        upwards."""
+        return not self.flies or self._sight.levels is None
 
     def keep_up(self) -> bool:
         """Take over what hides neighbours; gives whether it has changed."""
@@ -233,8 +253,9 @@ class Neighbourhood:
     def _draw(self, tick: int) -> None:
         """Set the keys of chance of this tick."""
         if self.chancy and self._drawn != tick:
-            keys = [key(self._seed, purpose, tick) for purpose in (LOST, ACROSS, UP)]
-            self.table[Near.LOST_KEY : Near.UP_KEY + 1].view(np.uint64)[:] = keys
+            purposes = (LOST, ACROSS, UP, *((ABOVE,) if self.flies else ()))
+            keys = [key(self._seed, purpose, tick) for purpose in purposes]
+            self.table[Near.LOST_KEY : Near.LOST_KEY + len(keys)].view(np.uint64)[:] = keys
             self._drawn = tick
 
     def begin(self, tick: int) -> int:
@@ -282,8 +303,10 @@ neighbours."""
 
 
 def cells_of(scenario: Scenario, count: int, reach: float) -> Cells:
-    """Cells of about `reach` m for so many bodies, and on a torus their images."""
-    return cells_over((scenario.width, scenario.height), scenario.around, reach, reach, count)
+    """Cells of about `reach` m for so many bodies, and on a torus their images; in layers where some fly."""
+    ceilings = [spec.limits.ceiling for spec in scenario.each_type if spec.flight is not None]
+    top = max(ceilings, default=None)
+    return cells_over((scenario.width, scenario.height), scenario.around, reach, reach, count, top)
 
 
 def question(vicinity: Vicinity, formula: Formula, radius: float) -> NDArray[np.int64]:

@@ -28,27 +28,29 @@ SIGNATURES: Mapping[str, tuple[str, str]] = {
     "ask_coloured": ("void", "i64 i64 i64 i64 i64 i64"),
 }
 """The kernels of that module that native code calls: what each gives and takes."""
+IN_BALL = "_in_ball"
+"""What the names of some of them end with where something flies."""
 FROM_LIBRARY = frozenset({"memset", "memcpy", "memmove"})
 """Functions outside that the code may call: every process has them."""
 _ONE_AT_A_TIME = Lock()
 
 
-def addresses() -> Mapping[str, int] | None:
-    """The address of each kernel; None where they cannot be compiled."""
+def addresses(*, flies: bool = False) -> Mapping[str, int] | None:
+    """The address of each kernel; None where they cannot be compiled. flies: for worlds in which something does."""
     with _ONE_AT_A_TIME:
-        loaded = _loaded()
+        loaded = _loaded(flies)
     return None if loaded is None else loaded[1]
 
 
 @cache
-def _loaded() -> tuple[LinkedCode, Mapping[str, int]] | None:
+def _loaded(flies: bool) -> tuple[LinkedCode, Mapping[str, int]] | None:
     """The code, and where each kernel is in it."""
     if find_spec("numba") is None or find_spec("llvmlite") is None:
         return None
-    name = f"{identity()}-by-address"
+    name = f"{identity()}-by-address{IN_BALL if flies else ''}"
     code = ENTRIES.load(name)
     if code is None:
-        code = _made(target_machine(3))
+        code = _made(target_machine(3), flies)
         if code is None:
             return None
         ENTRIES.save(name, code)
@@ -56,7 +58,7 @@ def _loaded() -> tuple[LinkedCode, Mapping[str, int]] | None:
     return loaded, {each: loaded.address(f"sleepcast_{each}") for each in SIGNATURES}
 
 
-def _made(target: TargetMachine) -> bytes | None:
+def _made(target: TargetMachine, flies: bool) -> bytes | None:
     """The object file with all kernels, each callable from C as `sleepcast_` and its name; None where it would need
     something that is not in every process."""
     from llvmlite import binding
@@ -64,7 +66,8 @@ def _made(target: TargetMachine) -> bytes | None:
     kernels = import_module(MODULE)
     texts, modules = [], []
     for name, (gives, takes) in SIGNATURES.items():
-        compiled = _compiled(getattr(kernels, name), takes.split())
+        own = f"{name}{IN_BALL}"
+        compiled = _compiled(getattr(kernels, own if flies and hasattr(kernels, own) else name), takes.split())
         modules.append(compiled.library._get_module_for_linking().clone())
         texts.append(_caller(name, compiled.fndesc.mangled_name, gives, takes.split()))
     whole = binding.parse_assembly("\n".join(texts))

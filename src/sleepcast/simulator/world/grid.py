@@ -1,13 +1,15 @@
 """A uniform grid: which points lie near each other, and which solids lie near a cell.
 
 Points are sorted by their cell, so that those of neighbouring cells of one row are contiguous in memory. Each cell
-lists the solids near it. Everything here is NumPy; `kernels` has a compiled version of the same sorting.
+lists the solids near it. Where things fly, cells may lie in layers above each other, and points have a z as well.
+Everything here is NumPy; `kernels` has a compiled version of the same sorting on the plane.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import field
-from math import ceil, sqrt
+from math import cbrt, ceil, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,15 +31,16 @@ LEAST_CELLS = 4_096
 @dataclass(frozen=True, slots=True)
 class Grid:
     """Square cells of `size` m over a rectangle whose lower left corner is 0, 0. Points outside belong to the nearest
-    cell at the edge."""
+    cell at the edge. layers: of cubes above each other, from z = 0 on; one for all heights on the plane."""
 
     size: float
     columns: int
     rows: int
+    layers: int = 1
     cells: int = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "cells", self.columns * self.rows)
+        object.__setattr__(self, "cells", self.columns * self.rows * self.layers)
 
     def columns_of(self, x: Floats) -> Whole:
         return np.clip((x / self.size).astype(np.int64), 0, self.columns - 1)
@@ -45,8 +48,12 @@ class Grid:
     def rows_of(self, y: Floats) -> Whole:
         return np.clip((y / self.size).astype(np.int64), 0, self.rows - 1)
 
-    def cells_of(self, x: Floats, y: Floats) -> Whole:
-        return self.rows_of(y) * self.columns + self.columns_of(x)
+    def layers_of(self, z: Floats) -> Whole:
+        return np.clip((z / self.size).astype(np.int64), 0, self.layers - 1)
+
+    def cells_of(self, x: Floats, y: Floats, z: Floats | None = None) -> Whole:
+        rows = self.rows_of(y) if z is None else self.layers_of(z) * self.rows + self.rows_of(y)
+        return rows * self.columns + self.columns_of(x)
 
 
 class Sorted(NamedTuple):
@@ -70,9 +77,17 @@ def grid_over(width: float, height: float, size: float, points: int) -> Grid:
     return Grid(size, max(1, ceil(width / size)), max(1, ceil(height / size)))
 
 
-def sort(grid: Grid, x: Floats, y: Floats) -> Sorted:
-    """The points x, y (m) by cell, those of one cell in the order of their indices."""
-    cells = grid.cells_of(x, y)
+def layered_over(width: float, height: float, top: float, size: float, points: int) -> Grid:
+    """As `grid_over`, in layers up to `top` m."""
+    flat = grid_over(
+        width, height, max(size, cbrt(width * height * top / (LEAST_CELLS + CELLS_PER_POINT * points))), points
+    )
+    return Grid(flat.size, flat.columns, flat.rows, max(1, ceil(top / flat.size)))
+
+
+def sort(grid: Grid, x: Floats, y: Floats, z: Floats | None = None) -> Sorted:
+    """The points x, y (m) by cell, those of one cell in the order of their indices. z: m, for a grid in layers."""
+    cells = grid.cells_of(x, y, z)
     return Sorted(np.argsort(cells, kind="stable").astype(np.int32), starts(cells, grid.cells))
 
 
@@ -91,35 +106,44 @@ def starts(cells: Whole | Short, count: int) -> Short:
     return start
 
 
-def pairs(grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float, first: Whole) -> tuple[Whole, Whole]:
-    """All ordered pairs of different points at most `reach` m apart: two arrays of indices. points: x and y, sorted.
-    first: indices to use as the first of a pair."""
+def pairs(
+    grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float, first: Whole, z: Floats | None = None
+) -> tuple[Whole, Whole]:
+    """All ordered pairs of different points at most `reach` m apart: two arrays of indices. points: x, y and z, sorted.
+    first: indices to use as the first of a pair. z: None on the plane."""
     order, start = points
-    row, cells = grid.rows_of(y[first]), ceil(reach / grid.size)
-    left, right = grid.columns_of(x[first] - reach), grid.columns_of(x[first] + reach)
     firsts, seconds = [], []
-    for step in range(-cells, cells + 1):
-        inside = np.flatnonzero((row + step >= 0) & (row + step < grid.rows))
-        base = (row[inside] + step) * grid.columns
-        i, index = spread(first[inside], start[base + left[inside]], start[base + right[inside] + 1])
+    for inside, begin, end in _lines(grid, x[first], y[first], None if z is None else z[first], reach):
+        i, index = spread(first[inside], start[begin], start[end])
         j = order[index].astype(np.int64)
-        near = (x[i] - x[j]) ** 2 + (y[i] - y[j]) ** 2 <= reach * reach
+        squares = (x[i] - x[j]) ** 2 + (y[i] - y[j]) ** 2
+        near = (squares if z is None else squares + (z[i] - z[j]) ** 2) <= reach * reach
         near &= i != j
         firsts.append(i[near])
         seconds.append(j[near])
     return np.concatenate(firsts), np.concatenate(seconds)
 
 
-def candidates(grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float) -> Whole:
-    """For each place x, y the number of `points` in cells within `reach` m: an upper bound of those within reach."""
-    row, cells = grid.rows_of(y), ceil(reach / grid.size)
-    left, right = grid.columns_of(x - reach), grid.columns_of(x + reach)
+def candidates(grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float, z: Floats | None = None) -> Whole:
+    """For each place x, y, z the number of `points` in cells within `reach` m: an upper bound of those within reach."""
     counts = np.zeros(len(x), np.int64)
-    for step in range(-cells, cells + 1):
-        inside = np.flatnonzero((row + step >= 0) & (row + step < grid.rows))
-        base = (row[inside] + step) * grid.columns
-        counts[inside] += points.start[base + right[inside] + 1] - points.start[base + left[inside]]
+    for inside, begin, end in _lines(grid, x, y, z, reach):
+        counts[inside] += points.start[end] - points.start[begin]
     return counts
+
+
+def _lines(grid: Grid, x: Floats, y: Floats, z: Floats | None, reach: float) -> Iterator[tuple[Whole, Whole, Whole]]:
+    """Lines of cells along x within `reach` m of these places, layer by layer and row by row: which of the places have
+    such a line, the first cell of each, and the one after its last."""
+    row, cells = grid.rows_of(y), ceil(reach / grid.size)
+    layer, layers = (np.zeros(len(row), np.int64), 0) if z is None else (grid.layers_of(z), cells)
+    left, right = grid.columns_of(x - reach), grid.columns_of(x + reach)
+    for rise in range(-layers, layers + 1):
+        between = (layer + rise >= 0) & (layer + rise < grid.layers)
+        for step in range(-cells, cells + 1):
+            inside = np.flatnonzero(between & (row + step >= 0) & (row + step < grid.rows))
+            base = ((layer[inside] + rise) * grid.rows + row[inside] + step) * grid.columns
+            yield inside, base + left[inside], base + right[inside] + 1
 
 
 def spread(items: Whole, begin: Whole | Short, end: Whole | Short) -> tuple[Whole, Whole]:

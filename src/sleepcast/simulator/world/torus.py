@@ -12,7 +12,7 @@ from math import inf
 import numpy as np
 
 from sleepcast.core.records import NamedTuple, dataclass
-from sleepcast.simulator.world.grid import Floats, Grid, Whole, grid_over
+from sleepcast.simulator.world.grid import Floats, Grid, Whole, grid_over, layered_over
 
 Around = tuple[float, float]
 PLAIN: Around = (inf, inf)
@@ -72,8 +72,12 @@ class Cells:
         return np.ascontiguousarray(rows[near]), np.tile(np.arange(len(solids)), len(shifts))[near]
 
 
-def cells_over(size: Around, around: Around, cell: float, reach: float, points: int) -> Cells:
+def cells_over(size: Around, around: Around, cell: float, reach: float, points: int, top: float | None = None) -> Cells:
     """Cells of at least `cell` for so many points in a world of this `size`. reach: greatest distance at which anything
-    is looked for, on a torus less than half its width and height."""
+    is looked for, on a torus less than half its width and height. top: m up to which cells lie in layers, None on the
+    plane."""
     margin = (0.0, 0.0) if around == PLAIN else (reach, reach)
-    return Cells(grid_over(size[0] + 2.0 * margin[0], size[1] + 2.0 * margin[1], cell, points), around, margin)
+    width, height = size[0] + 2.0 * margin[0], size[1] + 2.0 * margin[1]
+    if top is None:
+        return Cells(grid_over(width, height, cell, points), around, margin)
+    return Cells(layered_over(width, height, top, cell, points), around, margin)

@@ -22,10 +22,10 @@ export class Herd {
     this.mesh = new Mesh(geometry, material);
   }
 
-  // Put a body there: m, rad counter-clockwise from x, and its radius in m. NaN as z: nobody is there, and nothing is to be seen.
+  // Put a body there: m, rad counter-clockwise from x, and its radius in m. NaN: nobody is there, and nothing is to be seen.
   place(i, x, y, z, heading, radius) {
     const { positions, form: { corners } } = this;
-    if (Number.isNaN(z)) {
+    if (Number.isNaN(x)) {
       positions.fill(0, i * corners.length, (i + 1) * corners.length);
       return;
     }

@@ -157,7 +157,7 @@ function inSight(view, { poses, count }, most) {
   const seen = [];
   for (let i = 0; i < count; i += 1) {
     const [x, y] = [poses[3 * i], poses[3 * i + 1]];
-    if (x < left || x > right || y > top || y < bottom) continue;
+    if (!(x >= left && x <= right && y >= bottom && y <= top)) continue; // NaN in a row without a robot
     if (seen.length === most) return null;
     seen.push(i);
   }

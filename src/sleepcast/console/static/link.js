@@ -19,8 +19,9 @@ export class Link {
     const { wanted } = this;
     this.wanted = null;
     if (!wanted) return;
-    const robot = world.scene.names.indexOf(wanted.get("robot") ?? "");
-    if (robot >= 0) choose(robot);
+    const robot = wanted.get("robot"); // a row without a robot has an empty name, which nobody means
+    const index = robot ? world.scene.names.indexOf(robot) : -1;
+    if (index >= 0) choose(index);
     if (wanted.has("pane")) drawer.open(wanted.get("pane"));
     const [x, y, across] = (wanted.get("view") ?? "").split(",").map(Number);
     if ([x, y, across].every(Number.isFinite) && across > 0) world.look(x, y, across);

@@ -39,8 +39,8 @@ export function few(view, { poses, count }, most) {
   const [right, bottom] = view.toWorld(view.width + OUTSIDE, view.height + OUTSIDE);
   let seen = 0;
   for (let i = 0; i < 3 * count; i += 3) {
-    if (poses[i] < left || poses[i] > right || poses[i + 1] > top || poses[i + 1] < bottom) continue;
-    if ((seen += 1) > most) return false;
+    const [x, y] = [poses[i], poses[i + 1]]; // NaN in a row without a robot
+    if (x >= left && x <= right && y >= bottom && y <= top && (seen += 1) > most) return false;
   }
   return true;
 }

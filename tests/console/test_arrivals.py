@@ -72,6 +72,7 @@ def test_robots_are_added_by_hand(program: Program, context: BrowserContext) -> 
     page = context.new_page()
     page.goto(program.address)
     await_picture(page)
+    expect(page.locator("#robot")).to_be_hidden()  # nobody is chosen, least of all a row without a robot
     page.locator("#layers").click()
     page.locator("#add-robot").click()
     said = page.locator("#arrival-bar .said")

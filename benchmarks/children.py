@@ -9,7 +9,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from benchmarks.report import Json
@@ -47,3 +47,12 @@ def child(
         raise ChildError(said[-1] if said else f"ended with {done.returncode}")
     found: Json = json.loads(done.stdout.splitlines()[-1])
     return found
+
+
+def answer(measure: Callable[..., object]) -> None:
+    """As a child: print what comes of the arguments in a JSON object. "numba": false hides numba and llvmlite."""
+    wanted = json.loads(sys.argv[1])
+    if not wanted.pop("numba"):
+        for library in ("numba", "llvmlite"):
+            sys.modules[library] = None  # type: ignore[assignment]  # whoever imports it is told that it is not there
+    print(json.dumps(measure(**wanted)))

@@ -9,11 +9,11 @@ many at once as make a simulated second; three such seconds at least. With --cpu
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 from typing import TYPE_CHECKING
 
+from benchmarks.children import answer
 from benchmarks.flight import copters as job
 from benchmarks.loop.one import Memory, warm_up
 from benchmarks.report import Json, middle
@@ -62,13 +62,5 @@ def second(swarm: Swarm) -> float:
     return clock() - began
 
 
-def main() -> None:
-    wanted = json.loads(sys.argv[1])
-    if not wanted.pop("numba"):
-        for library in ("numba", "llvmlite"):
-            sys.modules[library] = None  # type: ignore[assignment]  # whoever imports it is told that it is not there
-    print(json.dumps(measure(**wanted)))
-
-
 if __name__ == "__main__":
-    main()
+    answer(measure)

@@ -11,7 +11,6 @@ llvmlite, as if they were not installed.
 
 from __future__ import annotations
 
-import json
 import resource
 import sys
 import time
@@ -19,6 +18,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from benchmarks.children import answer
 from benchmarks.report import Json, middle
 
 if TYPE_CHECKING:
@@ -120,13 +120,5 @@ def timed(swarm: Swarm, ticks: int) -> tuple[float, float]:
     return time.perf_counter() - begin, time.process_time() - begin_cpu
 
 
-def main() -> None:
-    wanted = json.loads(sys.argv[1])
-    if not wanted.pop("numba"):
-        for library in ("numba", "llvmlite"):
-            sys.modules[library] = None  # type: ignore[assignment]  # whoever imports it is told that it is not there
-    print(json.dumps(measure(**wanted)))
-
-
 if __name__ == "__main__":
-    main()
+    answer(measure)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from simulated import sensed
 from simulator.sonar.sonar_reference import readings as reference
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Changes, Simulator, choose, load
@@ -65,10 +66,6 @@ def apart(simulator: Simulator) -> Simulator:
     for number, (x, y) in enumerate([(2.0, 2.0), (2.0, 10.0), (2.0, 6.0), (9.0, 9.0)]):
         simulator.place(number, x, y, 0.0)
     return simulator
-
-
-def sensed(simulator: Simulator, number: int) -> dict[str, float]:
-    return dict(zip((each.name for each in simulator.model.sensors), simulator.readings([number])[0], strict=True))
 
 
 @pytest.fixture(params=["numpy", "numba"])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from machines import MACHINES
+from simulated import steps
 from sleepcast.core.settings import SettingsError
 from sleepcast.simulator import Simulator, read_scenario
 from sleepcast.simulator.engine import Machine
@@ -42,11 +43,6 @@ HIGH, LOW = 0, 1
 
 def sky(wind: str = 'uniform = { x = "3m/s" }', machine: Machine | None = None, seed: int | None = None) -> Simulator:
     return Simulator(read_scenario(SKY.replace('uniform = { x = "3m/s" }', wind)), machine=machine, seed=seed)
-
-
-def steps(simulator: Simulator, seconds: float) -> None:
-    for _ in range(round(seconds / simulator.scenario.tick)):
-        simulator.step()
 
 
 def test_against_a_wind_that_is_slower_it_keeps_its_place_and_flies_slower() -> None:

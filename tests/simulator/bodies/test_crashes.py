@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from machines import MACHINES
+from simulated import steps
 from sleepcast.api.assembly import assemble
 from sleepcast.api.recording import RecordingPlan, recorded
 from sleepcast.console.adapters.recording import load_timeline
@@ -54,11 +55,6 @@ HIGH, LOW, ON_ROOF = 0, 1, 2
 
 def town(change: tuple[str, str] = ("", ""), machine: Machine | None = None) -> Simulator:
     return Simulator(read_scenario(TOWN.replace(*change)), machine=machine)
-
-
-def steps(simulator: Simulator, seconds: float) -> None:
-    for _ in range(round(seconds / simulator.scenario.tick)):
-        simulator.step()
 
 
 def sensed(simulator: Simulator, name: str) -> list[float]:

@@ -12,9 +12,10 @@ import pytest
 
 import sleepcast as sc
 from machines import MACHINES
+from simulated import outcome, refused, sensed, steps
 from sleepcast.console.adapters.recording import load_timeline
 from sleepcast.console.frames import places_of
-from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.errors import MisuseError
 from sleepcast.core.settings import SettingsError
 from sleepcast.loop import Swarm
 from sleepcast.robot import Failsafe, FencedError, Setpoint, hovering
@@ -44,31 +45,6 @@ LOW, HIGH = 0, 1
 
 def sky(machine: Machine | None = None, text: str = SKY) -> Simulator:
     return Simulator(read_scenario(text), machine=machine)
-
-
-def steps(simulator: Simulator, seconds: float) -> None:
-    for _ in range(round(seconds / simulator.scenario.tick)):
-        simulator.step()
-
-
-def sensed(simulator: Simulator, robot: int) -> dict[str, float]:
-    names = (sensor.name for sensor in simulator.model.sensors)
-    return dict(zip(names, simulator.readings([robot])[0], strict=True))
-
-
-def refused(call: Callable[[], object]) -> str:
-    with pytest.raises(MisuseError) as caught:
-        call()
-    return str(caught.value)
-
-
-def outcome(command: Callable[..., object], *numbers: float) -> tuple[type, str]:
-    """1, or the error that was raised, as its type and text."""
-    try:
-        command(*numbers)
-    except SleepcastError as error:
-        return type(error), str(error)
-    return float, "1.0"
 
 
 def test_robots_start_on_the_ground_or_hover_where_their_start_says() -> None:

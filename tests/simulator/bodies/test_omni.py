@@ -11,6 +11,7 @@ import pytest
 import sleepcast as sc
 from cli.calling import called_warm
 from machines import MACHINES
+from simulated import sensed, steps
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.settings import SettingsError
 from sleepcast.robot import Limits, Setpoint
@@ -58,16 +59,6 @@ starts = [{ x = "10m", y = "30m", z = "5m" }]
 
 def yard(machine: Machine | None = None, text: str = YARD) -> Simulator:
     return Simulator(read_scenario(text), machine=machine)
-
-
-def steps(simulator: Simulator, seconds: float) -> None:
-    for _ in range(round(seconds / simulator.scenario.tick)):
-        simulator.step()
-
-
-def sensed(simulator: Simulator, robot: int) -> dict[str, float]:
-    names = (sensor.name for sensor in simulator.model.sensors)
-    return dict(zip(names, simulator.readings([robot])[0], strict=True))
 
 
 class TestContract(RobotContract):

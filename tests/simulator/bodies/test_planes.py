@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from math import cos, hypot, isnan, pi, radians, sin, tan
 
 import numpy as np
@@ -10,7 +10,7 @@ import pytest
 
 import sleepcast as sc
 from machines import MACHINES
-from sleepcast.core.errors import MisuseError, SleepcastError
+from simulated import outcome, refused, sensed, steps
 from sleepcast.core.settings import SettingsError
 from sleepcast.robot import FencedError, Setpoint, hovering
 from sleepcast.simulator import Simulator, read_scenario
@@ -47,31 +47,6 @@ def each_step(simulator: Simulator, seconds: float) -> Iterator[int]:
     for tick in range(round(seconds / simulator.scenario.tick)):
         simulator.step()
         yield tick
-
-
-def steps(simulator: Simulator, seconds: float) -> None:
-    for _ in each_step(simulator, seconds):
-        pass
-
-
-def sensed(simulator: Simulator, robot: int) -> dict[str, float]:
-    names = (sensor.name for sensor in simulator.model.sensors)
-    return dict(zip(names, simulator.readings([robot])[0], strict=True))
-
-
-def refused(call: Callable[[], object]) -> str:
-    with pytest.raises(MisuseError) as caught:
-        call()
-    return str(caught.value)
-
-
-def outcome(command: Callable[..., object], *numbers: float) -> tuple[type, str]:
-    """1, or the error that was raised, as its type and text."""
-    try:
-        command(*numbers)
-    except SleepcastError as error:
-        return type(error), str(error)
-    return float, "1.0"
 
 
 def away_from(simulator: Simulator, robot: int, x: float, y: float) -> float:

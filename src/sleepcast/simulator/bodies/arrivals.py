@@ -24,10 +24,9 @@ from sleepcast.simulator.scenario.robot_settings import RobotSpec
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.starts import StartPose, Starts
 from sleepcast.simulator.simd.formulas import shortest
-from sleepcast.simulator.world.areas import inside
+from sleepcast.simulator.world.areas import barred
 from sleepcast.simulator.world.grid import distance
 from sleepcast.simulator.world.roofs import GROUND
-from sleepcast.simulator.world.world import is_solid_throughout
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,10 +82,7 @@ def find_room(bodies: Bodies, new: Bodies, *, given: bool) -> bool:
 
 def _taken(bodies: Bodies, new: Bodies) -> Whole:
     """Those of `new` that cannot be where they are."""
-    solids = [shape for shape in bodies.world.shapes.values() if is_solid_throughout(shape)]
-    taken, lands = np.zeros(new.count, bool), new.flight.flies if new.flight else np.zeros(new.count, bool)
-    for solid in solids:
-        taken |= inside(solid, new.x, new.y) & ~(lands & (solid.tall is not None))
+    taken = barred(bodies.world, new.x, new.y, new.lands)
     if bodies.contact is None and bodies.flight is None:
         return np.flatnonzero(taken)
     there = np.ones(bodies.count, bool) if bodies.population is None else bodies.population.present

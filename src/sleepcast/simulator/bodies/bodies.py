@@ -43,9 +43,9 @@ from sleepcast.simulator.scenario.sensors import sensors_of
 from sleepcast.simulator.scenario.starts import start_columns
 from sleepcast.simulator.simd.formulas import rotated, sine_cosine, wrap
 from sleepcast.simulator.sonar.cones import Cones
-from sleepcast.simulator.world.areas import inside
+from sleepcast.simulator.world.areas import barred
 from sleepcast.simulator.world.torus import wrap_position
-from sleepcast.simulator.world.world import World, is_solid_throughout
+from sleepcast.simulator.world.world import World
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -619,12 +619,9 @@ class Bodies:
         attempt, but for bodies whose start is `given`. Raises MisuseError if there is hardly any free place, or none
         where one is given."""
         again = "" if attempt is None else f" {attempt}"
-        areas = [shape for shape in self.world.shapes.values() if is_solid_throughout(shape)]
-        lands = np.zeros(self.count, bool) if self.flight is None else self.flight.flies
         x, y = self.anywhere(again)
         for redraw in range(MAX_REDRAWS):
-            within = [inside(area, x, y) & ~(lands & (area.tall is not None)) for area in areas]
-            wrong = np.flatnonzero(np.any(within, axis=0)) if areas else ()
+            wrong = np.flatnonzero(barred(self.world, x, y, self.lands))
             if not len(wrong):
                 return x, y
             if given[wrong].any():
@@ -635,6 +632,11 @@ class Bodies:
             other_x, other_y = self.anywhere(f"{again} redrawn {redraw}")
             x[wrong], y[wrong] = other_x[wrong], other_y[wrong]
         raise MisuseError("where the robots start nearly everything is solid: let them start elsewhere (x, y, disc)")
+
+    @property
+    def lands(self) -> Flags:
+        """Which of them fly, and may stand on a roof; shape (count,)."""
+        return np.zeros(self.count, bool) if self.flight is None else self.flight.flies
 
     def anywhere(self, again: str) -> tuple[Floats, Floats]:
         """Random points of the rectangles or discs in which the robots start."""

@@ -10,13 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.simulator.world.grid import Floats, Whole, spread
-from sleepcast.simulator.world.world import Area, Circle, Polygon, rows_of
+from sleepcast.simulator.world.world import Area, Circle, Polygon, World, is_solid_throughout, rows_of
 
 LISTED_PER_SIDE = 4
 """Strips that a side is listed in, on average; this bounds the list for areas with long sides."""
 MAX_STRIPS = 16_384
 MAX_PAIRS = 4_194_304
 """Pairs of points and sides processed at once: some hundred megabytes of arrays."""
+
+
+def barred(world: World, x: Floats, y: Floats, lands: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Whether something solid keeps a body from standing at each point x, y (m, shape (n,)); who `lands` may stand on
+    its roof, if it has one."""
+    within = np.zeros(len(x), bool)
+    for shape in world.shapes.values():
+        if is_solid_throughout(shape):
+            within |= inside(shape, x, y) & ~(lands & (shape.tall is not None))
+    return within
 
 
 def inside(area: Area | Circle | Polygon, x: Floats, y: Floats) -> NDArray[np.bool_]:

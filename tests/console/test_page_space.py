@@ -35,6 +35,7 @@ height = "40m"
 
 [robots]
 like = "copter"
+most = 5
 starts = [["10m", "20m", "0deg"], { x = "31m", y = "20m", z = "10m" }, { x = "50m", y = "20m", z = "20m" }]
 """
 

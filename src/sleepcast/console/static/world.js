@@ -148,17 +148,18 @@ export class World extends EventTarget {
     return true;
   }
 
-  // Light these robots, 1 for each of them, null for none. All robots need no light: nothing would stand out. dark:
-  // their light has gone out already.
   // Where the robots were in another future; null for nowhere.
   setAlternate(poses) {
     this.alternate = poses;
     this.repaint("robots");
   }
 
+  // Light these robots, 1 for each of them, null for none. All robots need no light: nothing would stand out. dark:
+  // their light has gone out already.
   setLit(lit, dark = false) {
     this.lit = lit;
-    this.marks.lit = !dark && lit?.includes(0) ? lit : null;
+    const stands = (mark, i) => mark === 0 && !Number.isNaN(this.frame?.poses[3 * i]); // NaN in a row without a robot
+    this.marks.lit = !dark && lit?.some(stands) ? lit : null;
     this.marks.glow = 1;
     this.repaint("robots");
   }

@@ -19,7 +19,7 @@ from sleepcast.exporting.table_files import MissingExtraError
 from sleepcast.exporting.viewer import TIMELINE, ViewerFile
 from sleepcast.simulator.recording.recorder import READINGS, Recorder, WorldChange
 from sleepcast.simulator.recording.recording import load_recording
-from sleepcast.simulator.world.world import Circle
+from sleepcast.simulator.world.world import Circle, Polygon
 
 pytestmark = pytest.mark.counterpart("rerun-sdk")
 
@@ -101,11 +101,14 @@ def test_the_world_is_drawn(shown: Shown, tmp_path: Path) -> None:
         one_picture(recorder)
         recorder.obstacles(1.0, WorldChange(10, {"7": Circle(1.0, 1.0, 0.5)}, ()))
         recorder.obstacles(2.0, WorldChange(20, {}, (7,)))
+        recorder.obstacles(3.0, WorldChange(30, {"8": Polygon(((1.0, 1.0), (2.0, 1.0), (2.0, 2.0)), tall=4.0)}, ()))
         recorder.note(READINGS, 2.0, {"x": [1.0, None, 3.0], "a/b c": [1.0, 2.0, 3.0]})
 
     export_recording(recorded(tmp_path, fill), "rrd", tmp_path / "run.rrd")
     walls = Shown(tmp_path / "run.rrd")
-    assert [(time, len(lines)) for time, lines in walls.rows["/world/walls strips"]] == [(0.0, 0), (1.0, 32), (2.0, 0)]
+    drawn = walls.rows["/world/walls strips"]
+    assert [(time, len(lines)) for time, lines in drawn] == [(0.0, 0), (1.0, 32), (2.0, 0), (3.0, 9)]
+    assert drawn[-1][1][-1] == [[2.0, 2.0, 0.0], [2.0, 2.0, 4.0]], "what has a height is a prism"
     ((_, values),) = walls.rows["/readings/x scalars"]
     assert np.isnan(values[1])
     assert any("a" in name and "b" in name for name in walls.rows if name.startswith("/readings/"))

@@ -44,9 +44,9 @@ from sleepcast.simulator.recording.scene import (
     SOLID,
     Colour,
     closed,
+    edges,
     half_length,
     outline,
-    segments,
 )
 from sleepcast.simulator.world.world import Shape
 
@@ -206,7 +206,8 @@ class ViewerSink:
         rerun, log, scenario = self._rerun, self._file.log, self._run.scenario
         log("/", None, rerun.ViewCoordinates.RIGHT_HAND_Z_UP)
         wide, high = scenario.width, scenario.height
-        self._lines("world/edge", None, closed(((0.0, 0.0), (wide, 0.0), (wide, high), (0.0, high))), EDGE)
+        edge = closed(((0.0, 0.0), (wide, 0.0), (wide, high), (0.0, high)))
+        self._lines("world/edge", None, map(_flat, edge), EDGE)
         if scenario.areas:
             corners = [[*outline(area), outline(area)[0]] for area in scenario.areas]
             names = [area.name for area in scenario.areas]
@@ -226,14 +227,13 @@ class ViewerSink:
         self._file.log("robots", time, self._rerun.Points3D.from_fields(labels=self._run.chosen_names))
 
     def _walls(self, time: float, solids: Mapping[int, Shape]) -> None:
-        lines = [line for shape in solids.values() for line in segments(shape)]
+        lines = [line for shape in solids.values() for line in edges(shape)]
         if len(lines) <= MAX_SEGMENTS:
             self._lines("world/walls", time, lines, SOLID)
 
-    def _lines(
-        self, entity: str, time: float | None, lines: Iterable[Iterable[tuple[float, float]]], ink: Colour
-    ) -> None:
-        self._file.log(entity, time, self._rerun.LineStrips3D(list(map(_flat, lines)), colors=[_bytes(ink)]))
+    def _lines(self, entity: str, time: float | None, lines: Iterable[NDArray[np.floating]], ink: Colour) -> None:
+        """lines: the points of each, m, shape (n, 3)."""
+        self._file.log(entity, time, self._rerun.LineStrips3D(list(lines), colors=[_bytes(ink)]))
 
     def _poses(self, event: PosesEvent) -> None:
         x, y, heading = event.poses[self._run.chosen].T

@@ -14,7 +14,7 @@ from math import cos, pi, sin
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from sleepcast.core.model import NamedArea
 from sleepcast.core.varint import varint
@@ -111,7 +111,7 @@ def ground(nanoseconds: int, scenario: Scenario) -> list[bytes]:
 
 def walls(nanoseconds: int, shapes: Iterable[Shape]) -> bytes:
     """The entity of everything solid."""
-    lines = [segment for shape in shapes for segment in segments(shape)]
+    lines = [line for shape in shapes for line in edges(shape)]
     parts = [_line(lines, SOLID)] if 0 < len(lines) <= MAX_SEGMENTS else []
     return _entity(nanoseconds, "walls", parts)
 
@@ -152,9 +152,10 @@ def _entity(nanoseconds: int, name: str, parts: Sequence[bytes], about: Mapping[
     return head + metadata + b"".join(parts)
 
 
-def _line(segments: Sequence[tuple[Point, Point]], colour: Colour) -> bytes:
-    """Segments from point to point, of one width in pixels."""
-    points = _points(5, np.array(segments, float).reshape(-1, 2))
+def _line(segments: Sequence[ArrayLike], colour: Colour) -> bytes:
+    """Segments from point to point, of one width in pixels; the points have two coordinates or three, m."""
+    ends = np.array(segments, float)
+    points = _points(5, ends.reshape(-1, ends.shape[-1]))
     return field(11, whole(1, 2) + double(3, LINE) + whole(4, 1) + points + colour.written(6))
 
 
@@ -215,8 +216,20 @@ def outline(area: NamedArea) -> Sequence[Point]:
     return list(zip(area.sizes[::2], area.sizes[1::2], strict=True))
 
 
-def segments(shape: Shape) -> list[tuple[Point, Point]]:
-    """The lines, m, by which a solid thing is drawn."""
+def edges(shape: Shape) -> NDArray[np.float64]:
+    """The lines, m, by which a solid thing is drawn, shape (count, 2, 3): on the ground and, of what has a height, its
+    upper edges and a post below each corner of these."""
+    lines = np.array(_segments(shape), float).reshape(-1, 2, 2)
+    low = np.dstack((lines, np.zeros(lines.shape[:2])))
+    if shape.tall is None:
+        return low
+    high = low + np.array((0.0, 0.0, shape.tall))
+    feet, ends = np.unique(low.reshape(-1, 3), axis=0), np.unique(high.reshape(-1, 3), axis=0)
+    return np.concatenate((low, high, np.stack((feet, ends), 1)))
+
+
+def _segments(shape: Shape) -> list[tuple[Point, Point]]:
+    """Its lines on the ground."""
     if isinstance(shape, Circle):
         return closed(_circle(shape.x, shape.y, shape.radius))
     if isinstance(shape, Wall):

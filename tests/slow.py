@@ -24,6 +24,7 @@ SLOW = {
     "test_docs.py": 18,
     "simulator/simd/test_compiled.py": 16,
     "bridges/test_ros2_scouts.py": 16,
+    "scenarios/test_rehearsal_three_ways.py": 15,
     "console/test_page_first.py": 15,
     "console/test_replay.py": 15,
     "notebook/test_view.py": 15,

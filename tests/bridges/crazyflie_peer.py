@@ -1,10 +1,10 @@
 """A Crazyflie over UDP, as far as its bridge needs one: CRTP packets, a table of variables, logs, setpoints.
 
-    python tests/bridges/crazyflie_peer.py [PORT]
+    python tests/bridges/crazyflie_peer.py [PORT [CHARGE [SECONDS]]]
 
 It moves as it is told, with no dynamics of flight; without setpoints it falls after two seconds, as the firmware lets
-it, and then needs to be started anew. It prints what happens to it, a line each. From SIGUSR1 to the next one it speaks
-garbage besides.
+it, or after so many, and then needs to be started anew. CHARGE is that of its battery, in percent. It prints what
+happens to it, a line each. From SIGUSR1 to the next one it speaks garbage besides.
 """
 
 from __future__ import annotations
@@ -33,10 +33,11 @@ FORGOTTEN = 2.0
 
 
 class Peer:
-    """The quadcopter; `advance` lets time pass for it."""
+    """The quadcopter; `advance` lets time pass for it. charge: %. forgotten: see `FORGOTTEN`."""
 
-    def __init__(self) -> None:
-        self.values = dict.fromkeys(("x", "y", "z", "vx", "vy", "vz", "yaw", "turn"), 0.0) | {"charge": 80.0}
+    def __init__(self, charge: float = 80.0, forgotten: float = FORGOTTEN) -> None:
+        self.values = dict.fromkeys(("x", "y", "z", "vx", "vy", "vz", "yaw", "turn"), 0.0) | {"charge": charge}
+        self.forgotten = forgotten
         self.armed = self.flying = self.locked = False
         self.command = (0.0, 0.0, 0.0, 0.0)
         self.landing = 0.0
@@ -55,7 +56,7 @@ class Peer:
         now = self.values
         before = now["z"]
         self.since += seconds
-        if self.flying and not self.landing and self.since > FORGOTTEN:
+        if self.flying and not self.landing and self.since > self.forgotten:
             self.say(f"falls from {now['z']:.2f} m")
             self.flying, self.locked, now["z"] = False, True, 0.0
         vx, vy, turn, height = self.command if self.flying and not self.landing else (0.0, 0.0, 0.0, 0.0)
@@ -167,8 +168,8 @@ def garbage(chance: Random) -> bytes:
     return chance.randbytes(chance.randrange(1, 32))
 
 
-def serve(port: int) -> None:
-    """Be a quadcopter at this port (0: any) until killed."""
+def serve(port: int, *settings: float) -> None:
+    """Be a quadcopter at this port (0: any) until killed. settings: of `Peer`."""
     chance, raving = Random(7), False
 
     def rave(*_: object) -> None:
@@ -179,7 +180,7 @@ def serve(port: int) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
         line.bind(("127.0.0.1", port))
         print(f"the Crazyflie is at port {line.getsockname()[1]}", flush=True)
-        peer, ground = Peer(), None
+        peer, ground = Peer(*settings), None
         last = time.monotonic()
         while True:
             ready, _, _ = select.select([line], [], [], 0.02)
@@ -197,4 +198,4 @@ def serve(port: int) -> None:
 
 
 if __name__ == "__main__":
-    serve(int(sys.argv[1]) if sys.argv[1:] else 0)
+    serve(int(sys.argv[1]) if sys.argv[1:] else 0, *map(float, sys.argv[2:]))

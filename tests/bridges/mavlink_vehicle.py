@@ -2,9 +2,9 @@
 
 It runs in the test's own process, where its time passes only when it is told to, or in one of its own:
 
-    python mavlink_vehicle.py PORT PHRASE [rover|copter|plane]
+    python mavlink_vehicle.py PORT PHRASE [rover|copter|plane [CHARGE]]
 
-It sends to 127.0.0.1:PORT, as vehicles do to ground stations.
+It sends to 127.0.0.1:PORT, as vehicles do to ground stations. CHARGE is that of its battery, in percent.
 
 A line "reboot" on its standard input starts it anew, "mute" takes its voice, "speak" gives it back, "mode NUMBER" is
 its pilot's switch, "text WORDS" has it say these, and from "refuse" to "allow" it lets nobody arm it. It prints its
@@ -55,6 +55,8 @@ class Vehicle:
         self.kind, self.key, self.stamp = kind, key, stamp
         self.latitude, self.longitude = HOME
         self.heading, self.height, self.ground = pi / 2.0, 0.0, GROUND
+        self.charge = 80
+        """%, of its battery."""
         self.orders: list[tuple[int, float]] = []
         self.heard: list[str] = []
         self.refuse: set[int] = set()
@@ -84,8 +86,7 @@ class Vehicle:
         self.mav.robust_parsing = True
         if self.key is not None:
             self.mav.signing.secret_key, self.mav.signing.sign_outgoing = self.key, True
-            now = time.time() if self.stamp is None else self.stamp
-            self.mav.signing.timestamp = int((now - 1_420_070_400) * 1e5)
+            self.mav.signing.timestamp = self.steps()
 
     # ---- what it hears
 
@@ -300,7 +301,7 @@ class Vehicle:
 
     def state(self) -> list[Any]:
         return [
-            self.mav.sys_status_encode(0, 0, 0, 0, 12_600, -1, 80, 0, 0, 0, 0, 0, 0),
+            self.mav.sys_status_encode(0, 0, 0, 0, 12_600, -1, self.charge, 0, 0, 0, 0, 0, 0),
             self.mav.gps_raw_int_encode(0, 3, 0, 0, 0, 0, 0, 0, 0, 11),
             self.mav.mission_current_encode(self.item, len(self.stored[0]), self.mission_state()),
             self.mav.home_position_encode(
@@ -329,14 +330,21 @@ class Vehicle:
 
     def pack(self, message: Any) -> bytes:
         self.mav.seq = (self.mav.seq + 1) % 256
-        if self.stamp is not None:  # a clock that is not set by others
-            self.mav.signing.timestamp = int((self.stamp + self.time - 1_420_070_400) * 1e5)
+        signing, now = self.mav.signing, self.steps()
+        # Another clock may be ahead and is followed, unless ours is not set by others.
+        signing.timestamp = max(signing.timestamp, now) if self.stamp is None else now
         return bytes(message.pack(self.mav))
+
+    def steps(self) -> int:
+        """The time of its clock, as signatures count it."""
+        now = time.time() if self.stamp is None else self.stamp + self.time
+        return int((now - 1_420_070_400) * 1e5)
 
 
 def main() -> None:
     port, phrase = int(sys.argv[1]), sys.argv[2]
     vehicle = Vehicle(sys.argv[3] if len(sys.argv) > 3 else "rover", hashlib.sha256(phrase.encode()).digest())
+    vehicle.charge = int(sys.argv[4]) if len(sys.argv) > 4 else vehicle.charge
     wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     wire.connect(("127.0.0.1", port))
     typed = FileIO(sys.stdin.fileno())  # so that no line waits where `select` does not see it

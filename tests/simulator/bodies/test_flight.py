@@ -502,6 +502,19 @@ def test_neighbours_are_those_in_a_ball(machine: Machine, text: str, value: floa
     assert swarm.evaluate("high", text).value == pytest.approx(value)
 
 
+@pytest.mark.parametrize("machine", MACHINES)
+def test_fields_of_a_neighbour_are_of_one_moment(machine: Machine) -> None:
+    text = BALL.replace('reach = "20m"', 'reach = "20m"\nnoise = 0.1')
+    swarm = Swarm(Simulator(read_scenario(text), machine=machine))
+    above = "(- (OF 4 distance) (DIST x y z (OF 4 x) (OF 4 y) (OF 4 z)))"
+    heights = set()
+    for _ in range(3):
+        swarm.step()
+        assert swarm.evaluate("high", above).value == pytest.approx(0.0, abs=1e-9)
+        heights.add(swarm.evaluate("high", "(OF 4 z)").value)
+    assert len(heights) == 3, "each tick draws anew how wrong they are"
+
+
 def test_a_neighbour_far_above_a_small_world_is_one() -> None:
     text = SKY.replace("[robots]", '[neighbours]\nreach = "500m"\n\n[robots]').replace('"8m"', '"200m"')
     swarm = Swarm(Simulator(read_scenario(text + '[robots.flight]\nceiling = "300m"\n')))

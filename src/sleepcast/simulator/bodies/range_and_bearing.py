@@ -123,6 +123,7 @@ class RangeAndBearing:
         """All bodies in cells as large as the greatest radius asked for, by that radius."""
         self._recent: list[tuple[_NeighbourQuery, Pairs]] = []
         self._listed: list[tuple[_NeighbourQuery, int, tuple[Whole, Whole]]] = []
+        self._named: tuple[Whole, Floats, tuple[Whole, Pairs]] | None = None
         self._measured: tuple[Pairs, tuple[Floats, Floats]] | None = None
         """The cells that were measured last: rules ask for x and y of the same ones."""
 
@@ -144,7 +145,7 @@ class RangeAndBearing:
             if self._near.keep_up():
                 self._recent.clear()
                 self._listed.clear()
-                self._measured = None
+                self._named = self._measured = None
 
     def forget(self) -> None:
         """Bodies have moved."""
@@ -153,7 +154,7 @@ class RangeAndBearing:
         self._sorted.clear()
         self._recent.clear()
         self._listed.clear()
-        self._measured = None
+        self._named = self._measured = None
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """The arrays that a run changes and that the next ticks depend on."""
@@ -235,18 +236,31 @@ class RangeAndBearing:
             self.keep_up()
             near, quantity = self._near.begin(bodies.tick), _QUANTITIES.get(field, VALUE)
             return bodies.machine.shown(near, quantity, row, robots, others, self._reach)
+        index, pairs = self._pairs_named(robots, others)
         found = np.full(robots.size, np.nan)
+        found[index[pairs.robot]] = self._field(field, row, pairs)
+        return found
+
+    def _pairs_named(self, robots: Whole, others: Floats) -> tuple[Whole, Pairs]:
+        """Which of `robots` name another robot that may be there, and the pairs of these that are sensed. The last are
+        stored, since a rule asks for several fields of one neighbour."""
+        self.keep_up()
+        if self._named is not None:
+            *before, found = self._named
+            if np.array_equal(before[0], robots) and np.array_equal(before[1], others, equal_nan=True):
+                return found
+        bodies, rows = self._bodies, others
         if bodies.population is not None:
-            others = bodies.population.rows_of(others)
-        there = (others >= 0.0) & (others < bodies.count) & (others == np.floor(others)) & (others != robots)
+            rows = bodies.population.rows_of(others)
+        there = (rows >= 0.0) & (rows < bodies.count) & (rows == np.floor(rows)) & (rows != robots)
         index = np.flatnonzero(there)
-        asked, other = robots[index], others[index].astype(np.int64)
+        asked, other = robots[index], rows[index].astype(np.int64)
         around_x, around_y = bodies.scenario.around
         dx = shortest(bodies.x[other] - bodies.x[asked], around_x)
         dy = shortest(bodies.y[other] - bodies.y[asked], around_y)
         query = self._query(asked, np.full(asked.size, np.inf))
-        pairs = self._sensed(query, np.arange(asked.size), other, dx, dy)
-        found[index[pairs.robot]] = self._field(field, row, pairs)
+        found = index, self._sensed(query, np.arange(asked.size), other, dx, dy)
+        self._named = robots.copy(), others.copy(), found
         return found
 
     def _field(self, field: str, row: int, pairs: Pairs) -> Floats:

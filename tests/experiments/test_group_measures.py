@@ -31,6 +31,9 @@ TWO_GROUPS = [(10.0, 10.0), (11.0, 10.0), (12.0, 10.0), (50.0, 50.0), (51.0, 50.
         ("rotation", 0.0, group(SQUARE, [-pi / 2, 0, pi / 2, pi]), 1.0),
         ("rotation", 0.0, group(SQUARE, [0, pi / 2, pi, -pi / 2]), 0.0),
         ("gyration", 0.0, group(SQUARE), 1.0),
+        ("closest", 0.0, group(SQUARE), 2.0**0.5),
+        ("closest", 0.0, group(SQUARE)._replace(z=np.array([3.0, 0.0, 3.0, 5.0])), 2.0),
+        ("closest", 0.0, group([(1.0, 1.0), (1.0, 1.0)]), 0.0),
         ("largest_cluster", 1.5, group(TWO_GROUPS), 0.6),
         ("largest_cluster", 0.5, group(TWO_GROUPS), 0.2),
         ("clusters", 1.5, group(TWO_GROUPS), 2.0),
@@ -52,6 +55,17 @@ def test_of_a_fleet_and_of_some_of_its_robots() -> None:
         assert near < 5 * 1609.4 < everybody
         assert read_measure("largest_cluster 40mi")(fleet) == 1.0
         assert np.isnan(read_measure("largest_cluster 1m (> fuel 200%)")(fleet))
+
+
+def test_who_is_closest_in_space_among_all_or_some() -> None:
+    places = [[x, "10m", "0deg"] for x in ("10m", "13m", "19m")]
+    with sc.open("rehearsal", robots=3, over={"robots.starts": places}) as fleet:
+        assert read_measure("closest")(fleet) == 3.0
+        fleet.send("(WHEN (= id 1) (TAKEOFF 4m))")
+        fleet.run("10s", quiet=True)
+        assert read_measure("closest")(fleet) == pytest.approx(5.0)
+        assert read_measure("closest (> id 1)")(fleet) == 6.0
+        assert np.isnan(read_measure("closest (> id 2)")(fleet)), "nobody is near a lone robot"
 
 
 @pytest.mark.parametrize(

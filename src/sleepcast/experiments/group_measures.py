@@ -3,6 +3,7 @@
     polarization            1 if all robots head the same way, near 0 if each heads anywhere (Vicsek et al. 1995)
     rotation                1 if all of them circle around their centre in the same sense (Couzin et al. 2002)
     gyration                root mean square distance from their centre, m
+    closest                 distance between the two that are nearest to each other, in space where they fly, m
     largest_cluster 2m      share of the robots in the largest cluster, in which each is within 2 m of another one
     clusters 2m             number of clusters, single robots included
     covered 10m             share of the world within 10 m of a robot
@@ -35,12 +36,14 @@ _TEXT = re.compile(r"(\w+)(?:\s+(\d+(?:\.\d*)?|\.\d+)\s*([a-z]+))?(?:\s+(\(.+))?
 
 
 class SwarmSample(NamedTuple):
-    """Some robots: positions, m, headings, rad, each of shape (robots,), and width and height of their world, m."""
+    """Some robots: positions, m, headings, rad, each of shape (robots,), and width and height of their world, m. z is
+    None where nobody flies."""
 
     x: Floats
     y: Floats
     heading: Floats
     size: tuple[float, float]
+    z: Floats | None = None
 
 
 def polarization(group: SwarmSample, _: float) -> float:
@@ -56,6 +59,13 @@ def rotation(group: SwarmSample, _: float) -> float:
 
 def gyration(group: SwarmSample, _: float) -> float:
     return float(np.sqrt(group.x.var() + group.y.var()))
+
+
+def closest(group: SwarmSample, _: float) -> float:
+    if group.x.size < 2:
+        return nan
+    places = (group.x, group.y) if group.z is None else (group.x, group.y, group.z)
+    return float(_tree(*places).query(np.column_stack(places), 2)[0][:, 1].min())
 
 
 def largest_cluster(group: SwarmSample, near: float) -> float:
@@ -74,7 +84,7 @@ def voronoi_cost(group: SwarmSample, _: float) -> float:
     return float((_to_nearest(group) ** 2).mean())
 
 
-ALONE = {each.__name__: each for each in (polarization, rotation, gyration, voronoi_cost)}
+ALONE = {each.__name__: each for each in (polarization, rotation, gyration, closest, voronoi_cost)}
 WITHIN = {each.__name__: each for each in (largest_cluster, clusters, covered)}
 """Those that need a distance."""
 NAMES = (*ALONE, *WITHIN)
@@ -99,7 +109,10 @@ def read_group_measure(text: str) -> Callable[[SimulatedFleet], float]:
     def measured(fleet: SimulatedFleet) -> float:
         which = is_true(fleet[predicate]) if predicate else slice(None)
         scenario = fleet.swarm.simulator.scenario
-        group = SwarmSample(fleet.x[which], fleet.y[which], fleet.heading[which], (scenario.width, scenario.height))
+        z = fleet.swarm.simulator.heights
+        z = None if z is None else z[~np.isnan(z)][which]
+        size = scenario.width, scenario.height
+        group = SwarmSample(fleet.x[which], fleet.y[which], fleet.heading[which], size, z)
         return measure(group, near) if group.x.size else nan
 
     return measured
@@ -107,7 +120,7 @@ def read_group_measure(text: str) -> Callable[[SimulatedFleet], float]:
 
 def _clusters(group: SwarmSample, near: float) -> NDArray[np.int32]:
     """The number of each robot's cluster, from 0."""
-    tree = _tree(group)  # says what is missing, if scipy is
+    tree = _tree(group.x, group.y)  # says what is missing, if scipy is
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -122,14 +135,14 @@ def _to_nearest(group: SwarmSample) -> Floats:
     """Distance from each of SAMPLES times SAMPLES points of the world to the nearest robot, m."""
     middles = (np.arange(SAMPLES) + 0.5) / SAMPLES
     x, y = np.meshgrid(middles * group.size[0], middles * group.size[1])
-    distances: Floats = _tree(group).query(np.column_stack((x.ravel(), y.ravel())))[0]
+    distances: Floats = _tree(group.x, group.y).query(np.column_stack((x.ravel(), y.ravel())))[0]
     return distances
 
 
-def _tree(group: SwarmSample):  # type: ignore[no-untyped-def]  # scipy has no types
-    """Where the robots are, for fast searches."""
+def _tree(*places: Floats):  # type: ignore[no-untyped-def]  # scipy has no types
+    """Where robots are, a column for each axis, for fast searches."""
     try:
         from scipy.spatial import KDTree
     except ImportError as error:
         raise MisuseError(f"this measure needs scipy; to install it: {installing('experiments')}") from error
-    return KDTree(np.column_stack((group.x, group.y)))
+    return KDTree(np.column_stack(places))

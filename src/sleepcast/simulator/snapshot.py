@@ -26,7 +26,7 @@ from sleepcast.simulator.bodies.population import MAX_BIRTHS, NOBODY
 from sleepcast.simulator.packing import pack, unpack
 from sleepcast.simulator.scenario.fields import MAX_PARTS, ScalarField, bounds_of_fields
 from sleepcast.simulator.scenario.flight import HIGHEST, MAX_BANK, MIN_BANK
-from sleepcast.simulator.scenario.population import rooms
+from sleepcast.simulator.scenario.population import delayed_rows, rooms
 from sleepcast.simulator.scenario.robot_settings import (
     LEAST,
     MAX_BUMPERS,
@@ -44,7 +44,7 @@ from sleepcast.simulator.scenario.robot_settings import (
 from sleepcast.simulator.scenario.robot_types import given_names, slices
 from sleepcast.simulator.scenario.scanners import LEAST_FIELD, MAX_BEAMS, MAX_RANGES
 from sleepcast.simulator.scenario.scenario import Scenario
-from sleepcast.simulator.scenario.signals import MAX_LIGHTS, MAX_QUEUE, MAX_SHARES, MAX_SHOWN_GROUPS
+from sleepcast.simulator.scenario.signals import MAX_DELAYED, MAX_LIGHTS, MAX_QUEUE, MAX_SHARES, MAX_SHOWN_GROUPS
 from sleepcast.simulator.scenario.starts import MAX_STARTS, SLACK, Formation, Starts, start_columns
 from sleepcast.simulator.scenario.stocks import MAX_STOCKS
 from sleepcast.simulator.scenario.wind import FASTEST_WIND
@@ -224,6 +224,10 @@ def _check(simulator: Simulator) -> None:
             within(columns["ping_next"], 0, columns["ping_by"].shape[1] - 1, "ping_next")
     if simulator.scenario.pings is not None:
         within(simulator.senses.arrays()["pings"], 0, simulator.scenario.pings.queue, "pings")
+    for x, y, heading, *z in simulator.senses.delayed_poses():
+        within(np.stack((x, y)), -2.0 * MAX_WORLD, 2.0 * MAX_WORLD, "places of neighbours")
+        within(heading, -4.0, 4.0, "headings of neighbours")
+        within(np.nan_to_num(z), -2.0 * HIGHEST, 2.0 * HIGHEST, "z of neighbours")
     if simulator.senses.stocks is not None:
         for name, values in simulator.senses.stocks.arrays().items():
             within(values, 0.0, np.finfo(np.float64).max, name)
@@ -281,6 +285,8 @@ def _bounds(scenario: Scenario) -> Iterator[tuple[str, float, float, float]]:
     if scenario.neighbours is not None:
         yield "shared numbers", len(scenario.neighbours.shares), 0, MAX_SHARES
         yield "groups that neighbours see", len(scenario.neighbours.shows_groups), 0, MAX_SHOWN_GROUPS
+        yield "s of delay of neighbours", scenario.neighbours.delay, 0.0, MAX_TIME
+        yield "robots and ticks of a delay", delayed_rows(scenario), 0, MAX_DELAYED
         yield "shared numbers of no known unit", len({*scenario.neighbours.shares.values()} - {"", *UNITS}), 0, 0
     if scenario.laser is not None:
         yield "beams", scenario.laser.beams, 1, min(MAX_BEAMS, MAX_RANGES // scenario.robots.count)

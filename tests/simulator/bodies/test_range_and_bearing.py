@@ -239,7 +239,7 @@ WORLDS = {
     "torus": (('width = "1km"\nheight = "1km"', TORUS), ('x = "500m"\ny = "400m"', 'x = "50m"\ny = "40m"')),
     "noisy": (("[radio]", '[noise]\nx = "1m"\nheading = "5deg"\n\n[radio]'),),
 }
-ERRORS = {"exact": "", "wrong": "loss = 0.2\nnoise = 0.1\n"}
+ERRORS = {"exact": "", "wrong": "loss = 0.2\nnoise = 0.1\n", "late": 'delay = "0.1s"\nnoise = 0.1\n'}
 SHARED = '[neighbours.shares]\nopinion = ""\nway = "deg"\n'
 REDUCED = tuple(f"{how}_{what}" for what in ("OPINION", "WAY") for how in ("MEAN", "SUM", "LEAST", "MOST", "NEAREST"))
 
@@ -259,6 +259,7 @@ def test_random_worlds_are_the_same_with_and_without_pairs(
     places, headings = np.rint(drawn.uniform(-12.0, 12.0, (2, 60)) * 4.0) / 4.0, drawn.uniform(-pi, pi, 60)
     colours, opinions = drawn.integers(0, 3, 60).astype(float), drawn.choice([-0.0, 0.0, 1.5, np.nan], 60)
     ways, radii, some = drawn.uniform(-9.0, 9.0, 60), drawn.choice([radius, 3.0], 60), drawn.permutation(60)[:40]
+    moves = np.rint(drawn.uniform(-3.0, 3.0, (2, 60)))
     for machine, threads in (("numpy", 1), ("numba", 1), ("numba", 2)):
         sim = Simulator(scenario, machine=choose(machine, threads))
         sim.step()
@@ -268,6 +269,9 @@ def test_random_worlds_are_the_same_with_and_without_pairs(
         sim.bodies.moved()  # on a torus some of them are beyond an edge
         for row, values in enumerate((colours, opinions, ways)):
             near.share(row, np.arange(60), values)
+        near.step()
+        sim.bodies.x[:], sim.bodies.y[:], sim.bodies.heading[:] = (*(places + moves), headings[::-1])
+        sim.bodies.moved()
         near.step()
         functions = {each.name: each.many for each in sim.model.functions}
         for name in (*ASKED[:9], *REDUCED):
@@ -335,6 +339,7 @@ def test_random_skies_are_the_same_with_and_without_pairs(sky: str, errors: str,
     places, headings = np.rint(drawn.uniform(0.0, 29.0, (3, 60)) * 2.0) / 2.0, drawn.uniform(-pi, pi, 60)
     colours, opinions = drawn.integers(0, 3, 60).astype(float), drawn.choice([-0.0, 0.0, 1.5, np.nan], 60)
     radii, some = drawn.choice([radius, 3.0], 60), drawn.permutation(60)[:50]
+    moves = np.rint(drawn.uniform(0.0, 1.0, (3, 60)))
     for machine, threads in (("numpy", 1), ("numba", 1), ("numba", 2)):
         sim = Simulator(scenario, machine=choose(machine, threads))
         near, flight = sim.senses._near, sim.bodies.flight
@@ -345,6 +350,10 @@ def test_random_skies_are_the_same_with_and_without_pairs(sky: str, errors: str,
         sim.bodies.moved()
         for row, values in enumerate((colours, opinions, headings)):
             near.share(row, np.arange(60), values)
+        near.step()
+        sim.bodies.x[:], sim.bodies.y[:], sim.bodies.heading[:] = (*(places + moves)[:2], headings[::-1])
+        flight.z[:40] += moves[2, :40]
+        sim.bodies.moved()
         near.step()
         functions = {each.name: each for each in sim.model.functions}
         for name in (*ASKED, "MEAN_Z", "NEAREST_Z", *REDUCED):

@@ -364,10 +364,11 @@ class Flight:
         types = self._bodies.scenario.each_type
         return self._bodies.by_type([float(each.flight is not None and test(each.flight)) for each in types]) > 0.0
 
-    def rise(self, robots: Whole, others: Whole) -> Floats:
-        """How much higher each of the others is, m; what stands on the ground is as high as that."""
+    def rise(self, robots: Whole, others: Whole, seen: Floats | None = None) -> Floats:
+        """How much higher each of the others is, m; what stands on the ground is as high as that. seen: z at which
+        others are seen, if that is not where they are."""
         z = np.nan_to_num(self.z)
-        rise: Floats = z[others] - z[robots]
+        rise: Floats = (z if seen is None else np.nan_to_num(seen))[others] - z[robots]
         return rise
 
     def usual_height(self, which: Whole) -> Floats:

@@ -77,10 +77,13 @@ class LineOfSight(BetweenWalls):
         self._there, self._disc_of = there, np.arange(len(places[0]))
         """The disc of each body."""
 
-    def behind_walls(self, robots: Whole, seen_x: Floats, seen_y: Floats, seen: Whole | None = None) -> Flags:
+    def behind_walls(
+        self, robots: Whole, seen_x: Floats, seen_y: Floats, seen: Whole | None = None, z: Floats | None = None
+    ) -> Flags:
         """Whether walls hide from each of these robots what stands at `seen_x`, `seen_y`, m. seen: the robots that are
-        there; None if something on the ground is."""
-        return self.any_between(*self._places_of(robots), seen_x, seen_y, self._levels(robots, seen))
+        there; None if something on the ground is. z: of all robots as they are seen, m, if that is not where they
+        are."""
+        return self.any_between(*self._places_of(robots), seen_x, seen_y, self._levels(robots, seen, z))
 
     def hidden(
         self, robots: Whole, seen_x: Floats, seen_y: Floats, *, walls: bool, senders: Whole | None = None
@@ -130,12 +133,13 @@ class LineOfSight(BetweenWalls):
             self.moved = False
         return self._discs
 
-    def _levels(self, robots: Whole, seen: Whole | None) -> Levels | None:
-        """z of these robots and of what they look at, None where none flies."""
+    def _levels(self, robots: Whole, seen: Whole | None, heights: Floats | None = None) -> Levels | None:
+        """z of these robots and of what they look at, None where none flies. heights: z of all as they are seen."""
         if self._heights is None:
             return None
         z = np.nan_to_num(self._heights[robots])
-        return z, np.zeros(len(z)) if seen is None else np.nan_to_num(self._heights[seen])
+        heights = self._heights if heights is None else heights
+        return z, np.zeros(len(z)) if seen is None else np.nan_to_num(heights[seen])
 
     def _places_of(self, robots: Whole) -> tuple[Floats, Floats]:
         x, y = self._places

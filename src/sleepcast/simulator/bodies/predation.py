@@ -91,7 +91,7 @@ class Predation:
         prey = images.whose(prey)
         wanted = self._colour[hunter]
         fits = (prey != hunter) & (away <= self._within[hunter] ** 2)
-        fits &= np.isnan(wanted) | (self._near.seen(COLOUR, prey) == wanted)
+        fits &= np.isnan(wanted) | (self._near.shows(COLOUR, prey) == wanted)
         for place, side in zip((bodies.x, bodies.y), self._patches, strict=False):
             fits &= np.floor(place[prey] / side) == np.floor(place[hunter] / side)
         if bodies.scenario.sight.neighbours:

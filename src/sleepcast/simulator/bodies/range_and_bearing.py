@@ -2,7 +2,8 @@
 
 A robot with a range-and-bearing sensor measures where its neighbours are relative to itself. The functions here turn
 that into its own frame of reference, which is its sensed position and heading, errors included. It senses nothing
-beyond the reach of its sensor. A colour or a number that a robot shares in one tick is seen in the next one, so that
+beyond the reach of its sensor. With a delay it senses its neighbours as they were so long ago, from where it is now
+itself. A colour or a number that a robot shares in one tick is seen in the next one, so that
 no result depends on the order of the robots. Walls hide neighbours if the scenario says so.
 """
 
@@ -22,10 +23,10 @@ from sleepcast.core.angles import CANCELLED
 from sleepcast.core.counter_rng import GOLDEN, key, mix, uniform
 from sleepcast.core.model import BodyColumn, HostFunction, NativeCall, Writing
 from sleepcast.core.neighbours import nearest_id
-from sleepcast.core.records import NamedTuple
 from sleepcast.core.units import LENGTH, NONE, UNITS, Dimension, is_angle
 from sleepcast.simulator.bodies.bodies import Bodies, Flags, Floats
 from sleepcast.simulator.bodies.body import Body, BodySenses, acting
+from sleepcast.simulator.bodies.neighbour_view import NeighbourView
 from sleepcast.simulator.bodies.places import Places
 from sleepcast.simulator.bodies.population import Turnover
 from sleepcast.simulator.bodies.voronoi import centroids
@@ -61,7 +62,7 @@ from sleepcast.simulator.neighbours.neighbourhood import (
     cells_of,
     question,
 )
-from sleepcast.simulator.neighbours.pairs import Pairs, in_order
+from sleepcast.simulator.neighbours.pairs import NeighbourQuery, Pairs, in_order, length
 from sleepcast.simulator.scenario.signals import NeighbourModel
 from sleepcast.simulator.simd.addresses import addresses
 from sleepcast.simulator.simd.formulas import arc_tangent, rotated, shortest, sine_cosine, wrap
@@ -73,25 +74,6 @@ MAX_PAIRS = 1 << 20
 """Pairs of neighbours processed at once: some hundred megabytes."""
 COLOUR = 0
 """The row of the colours in the table of shared numbers."""
-
-
-class _NeighbourQuery(NamedTuple):
-    """Which neighbours were asked for.
-
-    robots: indices
-    radius: m
-    colour: NaN for any; one for each robot
-    """
-
-    robots: Whole
-    radius: Floats
-    colour: Floats
-
-    def part(self, some: slice) -> _NeighbourQuery:
-        return _NeighbourQuery(self.robots[some], self.radius[some], self.colour[some])
-
-    def same(self, other: _NeighbourQuery) -> bool:
-        return all(np.array_equal(*each, equal_nan=True) for each in zip(self, other, strict=True))
 
 
 class RangeAndBearing:
@@ -107,13 +89,15 @@ class RangeAndBearing:
         """Whether it may be asked who the neighbours are, which is the plane's only."""
         self._first_group = 1 + len(model.shares)
         self._shared: Floats = np.full((self._first_group + len(model.shows_groups), bodies.count), np.nan)
-        """What neighbours see in this tick: colours, shared numbers, NaN where a robot shares none, and who is in the
-        groups that are shown; below what they will see in the next one."""
+        """What robots show in this tick: colours, shared numbers, NaN where a robot shares none, and who is in the
+        groups that are shown; below what they will show in the next one."""
         self._shared[COLOUR] = self._shared[self._first_group :] = 0.0
         self._set: Floats = self._shared.copy()
         self._row_of_z = [sensor.name for sensor in bodies.sensors].index("z") if flies else 0
         heights = None if bodies.flight is None else (bodies.flight.z, bodies.sensed[self._row_of_z])
-        tables = (bodies.x, bodies.y, bodies.heading, *bodies.sensed[:3], self._shared, self._set, heights)
+        self._seen = seen = NeighbourView(bodies, self._shared, model.delay)
+        pose = bodies.x, bodies.y, bodies.heading, *bodies.sensed[:3]
+        tables = (*pose, seen.shared, self._set, heights, seen.poses)
         sight = bodies.sight.walls if self._hides else SightLines((bodies.scenario.width, bodies.scenario.height))
         self._near = Neighbourhood(bodies.scenario, model, bodies.seed, BodyTables(*tables), sight)
         self._across = bodies.scenario.width + bodies.scenario.height
@@ -121,8 +105,8 @@ class RangeAndBearing:
         self._reach = min(model.reach, self._across + (bodies.limits.ceiling if flies else 0.0))
         self._sorted: dict[float, tuple[Grid, Sorted, Places]] = {}
         """All bodies in cells as large as the greatest radius asked for, by that radius."""
-        self._recent: list[tuple[_NeighbourQuery, Pairs]] = []
-        self._listed: list[tuple[_NeighbourQuery, int, tuple[Whole, Whole]]] = []
+        self._recent: list[tuple[NeighbourQuery, Pairs]] = []
+        self._listed: list[tuple[NeighbourQuery, int, tuple[Whole, Whole]]] = []
         self._named: tuple[Whole, Floats, tuple[Whole, Pairs]] | None = None
         self._measured: tuple[Pairs, tuple[Floats, Floats]] | None = None
         """The cells that were measured last: rules ask for x and y of the same ones."""
@@ -130,12 +114,14 @@ class RangeAndBearing:
     def step(self) -> None:
         """Begin a tick: bodies have moved, and what they set in the last tick can be seen."""
         self._shared[:] = self._set
+        self._seen.step()
         self.forget()
 
     def beginning(self) -> tuple[int, int] | None:
-        """The addresses of native code that begins a tick instead of `step`, and of its argument; None where chance has
-        a part, or without compiled code."""
-        code = None if self._near.chancy or not self._compiles else addresses(flies=self._near.flies)
+        """The addresses of native code that begins a tick instead of `step`, and of its argument; None where chance or
+        a delay has a part, or without compiled code."""
+        simple = self._compiles and not self._near.chancy and not self._seen.delayed
+        code = addresses(flies=self._near.flies) if simple else None
         return None if code is None else (code["begin"], self._near.address)
 
     def keep_up(self) -> None:
@@ -158,7 +144,11 @@ class RangeAndBearing:
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """The arrays that a run changes and that the next ticks depend on."""
-        return {"shared": self._shared, "shared next": self._set}
+        return {"shared": self._shared, "shared next": self._set, **self._seen.arrays()}
+
+    def delayed_poses(self) -> Iterator[tuple[Floats, ...]]:
+        """See `NeighbourView.all_poses`."""
+        return self._seen.all_poses()
 
     def share(self, row: int, robots: Whole, values: Floats) -> None:
         """Set what these robots show to their neighbours from the next tick on. row: COLOUR, or 1 for the first number
@@ -177,6 +167,7 @@ class RangeAndBearing:
             shown[:, turnover.children] = shown[:, turnover.parents]
             shown[:, turnover.dead] = np.nan
             shown[COLOUR, turnover.dead] = 0.0
+        self._seen.begin(turnover.changed)
         self.forget()
 
     def following(self, row: int) -> Floats:
@@ -184,9 +175,14 @@ class RangeAndBearing:
         following: Floats = self._set[row]
         return following
 
+    def shows(self, row: int, others: Whole) -> Floats:
+        """What these robots show now."""
+        shows: Floats = self._shared[row, others]
+        return shows
+
     def seen(self, row: int, others: Whole) -> Floats:
-        """What these robots show."""
-        seen: Floats = self._shared[row, others]
+        """What their neighbours see that these robots show."""
+        seen: Floats = self._seen.shared[row, others]
         return seen
 
     def sense(self, asked: Formula | OverPairs, robots: Whole, radius: Floats, *colour: Floats) -> Floats:
@@ -256,8 +252,8 @@ class RangeAndBearing:
         index = np.flatnonzero(there)
         asked, other = robots[index], rows[index].astype(np.int64)
         around_x, around_y = bodies.scenario.around
-        dx = shortest(bodies.x[other] - bodies.x[asked], around_x)
-        dy = shortest(bodies.y[other] - bodies.y[asked], around_y)
+        dx = shortest(self._seen.x[other] - bodies.x[asked], around_x)
+        dy = shortest(self._seen.y[other] - bodies.y[asked], around_y)
         query = self._query(asked, np.full(asked.size, np.inf))
         found = index, self._sensed(query, np.arange(asked.size), other, dx, dy)
         self._named = robots.copy(), others.copy(), found
@@ -283,13 +279,13 @@ class RangeAndBearing:
             return np.where(beside, np.nan, arc_tangent(pairs.dy, pairs.dx))
         return self.seen(row, pairs.other)
 
-    def _query(self, robots: Whole, radius: Floats, *colour: Floats) -> _NeighbourQuery:
+    def _query(self, robots: Whole, radius: Floats, *colour: Floats) -> NeighbourQuery:
         """What is asked for. colour: of the neighbours that count, one for each robot; none: all count."""
         self.keep_up()
         radius = np.clip(radius, 0.0, self._reach)
-        return _NeighbourQuery(robots, radius, colour[0] if colour else np.full(robots.size, np.nan))
+        return NeighbourQuery(robots, radius, colour[0] if colour else np.full(robots.size, np.nan))
 
-    def _compiled(self, formula: Formula, query: _NeighbourQuery) -> Floats:
+    def _compiled(self, formula: Formula, query: NeighbourQuery) -> Floats:
         """What a formula comes to, without arrays of pairs."""
         if formula.frame != AS_IT_IS or self._near.turned:
             self._bodies.sense(query.robots, sonars=False)
@@ -351,8 +347,7 @@ class RangeAndBearing:
 
     def headings(self, pairs: Pairs) -> tuple[Floats, Floats]:
         """Cosine and sine of the heading of each neighbour, in the frame of reference of the robot that senses it."""
-        bodies = self._bodies
-        sine, cosine = sine_cosine(bodies.heading)
+        sine, cosine = sine_cosine(self._seen.heading)
         return self._turned(pairs.asked, pairs.robot, cosine[pairs.other], sine[pairs.other])
 
     def _turned(self, asked: Whole, robot: Whole, dx: Floats, dy: Floats) -> tuple[Floats, Floats]:
@@ -363,7 +358,7 @@ class RangeAndBearing:
         sine, cosine = sine_cosine(wrap(self.own_frame(asked)[2] - self._bodies.heading[asked]))
         return rotated(dx, dy, sine[robot], cosine[robot])
 
-    def _pairs(self, query: _NeighbourQuery) -> list[Pairs]:
+    def _pairs(self, query: NeighbourQuery) -> list[Pairs]:
         """The pairs of these robots and their neighbours, in one block or several ones that fit into memory."""
         for before, pairs_before in self._recent:
             if before.same(query):
@@ -385,18 +380,21 @@ class RangeAndBearing:
         """All bodies, and on a torus their images, in cells of about `reach` m."""
         if reach not in self._sorted:
             bodies, cells = self._bodies, cells_of(self._bodies.scenario, self._bodies.count, reach)
-            images = cells.images(bodies.x, bodies.y)
+            images = cells.images(self._seen.x, self._seen.y)
             if len(self._sorted) == MAX_RECENT:
                 self._sorted.clear()
-            z = None if bodies.flight is None else np.nan_to_num(bodies.flight.z)[images.of]
+            z = None if self._seen.z is None else np.nan_to_num(self._seen.z)[images.of]
             places = Places(images, z, bodies.machine)
             points = places.sort(cells.grid)
             if bodies.population is not None:
                 points = only(points, bodies.population.present[images.of])
+            if self._seen.delayed:
+                own_z = None if bodies.flight is None else np.nan_to_num(bodies.flight.z)
+                places = places.looking_from(*cells.placed(bodies.x, bodies.y), own_z)
             self._sorted[reach] = cells.grid, points, places
         return self._sorted[reach]
 
-    def _block(self, query: _NeighbourQuery, reach: float) -> Pairs:
+    def _block(self, query: NeighbourQuery, reach: float) -> Pairs:
         """The pairs of one block, after losses and with noise."""
         bodies = self._bodies
         index = np.empty(bodies.count, np.int64)
@@ -405,25 +403,26 @@ class RangeAndBearing:
         first, other = places.pairs(grid, points, reach, query.robots)
         every = places.images
         dx, dy = every.x[other] - every.x[first], every.y[other] - every.y[first]
-        return self._sensed(query, index[first], every.whose(other), dx, dy)
+        return self._sensed(query, index[first - places.own], every.whose(other), dx, dy)
 
-    def _sensed(self, query: _NeighbourQuery, robot: Whole, other: Whole, dx: Floats, dy: Floats) -> Pairs:
+    def _sensed(self, query: NeighbourQuery, robot: Whole, other: Whole, dx: Floats, dy: Floats) -> Pairs:
         """Of the given pairs those that robots sense, as they sense them. robot: the index among those that asked;
         dx, dy: in the world's frame, m."""
         bodies, model, first = self._bodies, self._model, query.robots[robot]
-        dz = None if bodies.flight is None else bodies.flight.rise(first, other)
-        away = _length(dx, dy, dz)
+        dz = None if bodies.flight is None else bodies.flight.rise(first, other, self._seen.z)
+        away = length(dx, dy, dz)
         sensed: Flags = away <= query.radius[robot]
         if not np.isnan(query.colour).all():
             colour = query.colour[robot]
-            sensed &= np.isnan(colour) | (colour == self._shared[COLOUR, other])
+            sensed &= np.isnan(colour) | (colour == self.seen(COLOUR, other))
         if model.loss:
             drawn = uniform(key(bodies.seed, LOST, bodies.tick), self._tokens(other, first))
             sensed &= drawn >= model.loss
         if self._hides:
             asked = np.flatnonzero(sensed)
             seen = other[asked]
-            sensed[asked] = ~bodies.sight.behind_walls(first[asked], bodies.x[seen], bodies.y[seen], seen)
+            place = self._seen.x[seen], self._seen.y[seen]
+            sensed[asked] = ~bodies.sight.behind_walls(first[asked], *place, seen, self._seen.z)
         pairs = Pairs(query.robots, query.radius, robot, other, dx, dy, away, dz)
         if not sensed.all():
             pairs, first = pairs.where(sensed), first[sensed]
@@ -433,7 +432,7 @@ class RangeAndBearing:
             dx = dx + size * self._normal(ACROSS, tokens)
             dy = dy + size * self._normal(UP, tokens)
             dz = None if dz is None else dz + size * self._normal(ABOVE, tokens)
-            away = _length(dx, dy, dz)
+            away = length(dx, dy, dz)
         dx, dy = self._turned(query.robots, pairs.robot, dx, dy)
         return Pairs(query.robots, query.radius, pairs.robot, pairs.other, dx, dy, away, dz)
 
@@ -446,13 +445,6 @@ class RangeAndBearing:
         """Normal noise of this tick, one number for each token."""
         drawn = np.uint64(key(self._bodies.seed, purpose, self._bodies.tick))
         return deviates(mix(tokens * np.uint64(GOLDEN) + drawn))
-
-
-def _length(dx: Floats, dy: Floats, dz: Floats | None) -> Floats:
-    """The length of vectors, m; dz: None on the plane."""
-    squares = dx * dx + dy * dy
-    length: Floats = np.sqrt(squares if dz is None else squares + dz * dz)
-    return length
 
 
 def _reach_of(radius: Floats) -> float:

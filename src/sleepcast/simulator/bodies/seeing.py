@@ -72,7 +72,7 @@ class Eyes:
         dx, dy = images.x[other] - images.x[robot], images.y[other] - images.y[robot]
         other = images.whose(other)
         bearing = arc_tangent(dy, dx) - bodies.heading[robot]
-        matched = (near.seen(COLOUR, other) == colour[row]) & within(bearing, first[row], last[row])
+        matched = (near.shows(COLOUR, other) == colour[row]) & within(bearing, first[row], last[row])
         robot, other, row = robot[matched], other[matched], row[matched]
         hidden = bodies.sight.hidden(robot, bodies.x[other], bodies.y[other], walls=True, senders=other)
         seen: Floats = np.bincount(row[~hidden], minlength=len(robots)).astype(np.float64)

@@ -86,6 +86,10 @@ class Senses:
         if self._near is not None:
             self._near.show_groups(robots, groups)
 
+    def delayed_poses(self) -> Iterator[tuple[Floats, ...]]:
+        """See `NeighbourView.all_poses`."""
+        return iter(()) if self._near is None else self._near.delayed_poses()
+
     def amount(self, field: str) -> Floats | None:
         """See `LocalFields.amount`."""
         return None if self._fields is None else self._fields.amount(field)

@@ -92,6 +92,10 @@ SEEN = kernels_sight.SEEN
     SIGHT,
     PLACE_Z,
     SENSED_Z,
+    OWN_X,
+    OWN_Y,
+    OWN_HEADING,
+    OWN_Z,
     VICINITIES,
     FIRST,
 ) = map(int, neighbourhood.Near)
@@ -298,6 +302,7 @@ def show_many(near, quantity, row, robots, others, reach, found):
     """Write what each robot senses of another one into `found`, NaN where it does not sense it: its sensed x for DX and
     its y for DY; as `gather`. others: numbers, perhaps of no robot. reach: m."""
     x, y, headings = long_at(near, PLACE_X), long_at(near, PLACE_Y), long_at(near, TRUE_HEADING)
+    asking_x, asking_y, own_headings = long_at(near, OWN_X), long_at(near, OWN_Y), long_at(near, OWN_HEADING)
     count, loss, noise = long_at(near, COUNT), real_at(near, LOSS), real_at(near, NOISE)
     width, height = real_at(near, WIDTH), real_at(near, HEIGHT)
     turned, sensed_headings = long_at(near, TURNED), long_at(near, SENSED_HEADING)
@@ -309,13 +314,13 @@ def show_many(near, quantity, row, robots, others, reach, found):
         other = np.int64(number)
         if float(other) != number or other == robot:
             continue
-        dx = nearer(real_at(x, other) - real_at(x, robot), width)
-        dy = nearer(real_at(y, other) - real_at(y, robot), height)
+        own_x, own_y = real_at(asking_x, robot), real_at(asking_y, robot)
+        seen_x, seen_y = real_at(x, other), real_at(y, other)
+        dx, dy = nearer(seen_x - own_x, width), nearer(seen_y - own_y, height)
         away = sqrt(dx * dx + dy * dy)
         if away > reach:
             continue
         if long_at(long_at(near, SIGHT), kernels_sight.COUNT) > 0:
-            own_x, own_y, seen_x, seen_y = real_at(x, robot), real_at(y, robot), real_at(x, other), real_at(y, other)
             seen_x, seen_y = unrolled(own_x, seen_x, width), unrolled(own_y, seen_y, height)
             if kernels_sight.hidden(long_at(near, SIGHT), own_x, own_y, seen_x, seen_y):
                 continue
@@ -330,7 +335,7 @@ def show_many(near, quantity, row, robots, others, reach, found):
                 away = sqrt(dx * dx + dy * dy)
         sine, cosine = 0.0, 1.0
         if turned:
-            sine, cosine = sine_cosine(wrap(real_at(sensed_headings, robot) - real_at(headings, robot)))
+            sine, cosine = sine_cosine(wrap(real_at(sensed_headings, robot) - real_at(own_headings, robot)))
             dx, dy = dx * cosine - dy * sine, dx * sine + dy * cosine
         if quantity == DX:
             found[i] = real_at(long_at(near, SENSED_X), robot) + dx
@@ -456,7 +461,8 @@ def gather(vicinity, ball, quantity, fold, row, robot, within, colour, middle_x,
     farthest from the middle; the sum of the sines, where the other one is of cosines; how many they are; and the
     greatest value, or of LEAST the greatest negative one. listed: where LISTED writes them, see `list_many`."""
     near = long_at(vicinity, AROUND)
-    own_x, own_y = real_at(long_at(vicinity, X), robot), real_at(long_at(vicinity, Y), robot)
+    margin = real_at(vicinity, MARGIN) if long_at(near, TORUS) else 0.0
+    own_x, own_y = real_at(long_at(near, OWN_X), robot) + margin, real_at(long_at(near, OWN_Y), robot) + margin
     size, columns, reach = real_at(vicinity, SIZE), long_at(vicinity, COLUMNS), real_at(vicinity, REACH)
     order, start, whose = long_at(vicinity, ORDER), long_at(vicinity, START), long_at(vicinity, SORTED_WHOSE)
     sorted_x, sorted_y = long_at(vicinity, SORTED_X), long_at(vicinity, SORTED_Y)
@@ -464,7 +470,7 @@ def gather(vicinity, ball, quantity, fold, row, robot, within, colour, middle_x,
     coloured, turned, sine, cosine = colour == colour, long_at(near, TURNED), 0.0, 1.0
     if turned:
         sensed = real_at(long_at(near, SENSED_HEADING), robot)
-        sine, cosine = sine_cosine(wrap(sensed - real_at(long_at(near, TRUE_HEADING), robot)))
+        sine, cosine = sine_cosine(wrap(sensed - real_at(long_at(near, OWN_HEADING), robot)))
     cosines, sines = long_at(near, COSINE), long_at(near, SINE)
     least = within if within < reach * reach else reach * reach
     plain = not coloured and loss == 0.0
@@ -476,7 +482,7 @@ def gather(vicinity, ball, quantity, fold, row, robot, within, colour, middle_x,
     line, high, left, right = cells_around(own_x, own_y, size, columns, long_at(vicinity, ROWS), reach)
     own_z, sorted_z, last, rows, span = 0.0, 0, high, 0, 0
     if ball is not None:
-        own_z, sorted_z = height_of(long_at(near, PLACE_Z), robot), long_at(vicinity, SORTED_Z)
+        own_z, sorted_z = height_of(long_at(near, OWN_Z), robot), long_at(vicinity, SORTED_Z)
         rows, span = long_at(vicinity, ROWS), high - line
         bottom, top = layers_around(own_z, size, long_at(vicinity, LAYERS), reach)
         line, high, last = line + bottom * rows, high + bottom * rows, high + top * rows
@@ -599,7 +605,7 @@ def around(vicinity, near, robot, within, seen):
     walls = long_at(vicinity, WALLS)
     if walls == 0:
         return -1, 0
-    x, y = real_at(long_at(near, PLACE_X), robot), real_at(long_at(near, PLACE_Y), robot)
+    x, y = real_at(long_at(near, OWN_X), robot), real_at(long_at(near, OWN_Y), robot)
     return kernels_sight.look_around(walls, x, y, within, seen)
 
 
@@ -633,7 +639,7 @@ def visible(vicinity, near, robot, seen, walls, discs, room, ways, taken):
 def walked(vicinity, near, robot, room, first, last, kept):
     """Keep those points in a room from `first` to `last` (exclusive) that nothing hides, after so many that are kept;
     gives their number together. For each one the cells between are looked at."""
-    x, y = real_at(long_at(near, PLACE_X), robot), real_at(long_at(near, PLACE_Y), robot)
+    x, y = real_at(long_at(near, OWN_X), robot), real_at(long_at(near, OWN_Y), robot)
     for index in range(first, last):
         point = whole_at(room, index)
         seen_x, seen_y = place_of(vicinity, near, x, y, np.int64(point))

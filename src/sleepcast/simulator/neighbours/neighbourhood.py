@@ -54,6 +54,7 @@ class Near(IntEnum):
     COUNT = 0
     """Robots."""
     X = 1
+    """Where neighbours are seen: their true poses, or those of some time ago. So are HEADING and Z."""
     Y = 2
     HEADING = 3
     SENSED_X = 4
@@ -86,11 +87,16 @@ class Near(IntEnum):
     SIGHT = 23
     """Address of the table of what hides neighbours, see `sight.Lines`."""
     Z = 24
-    """True z, NaN of what does not fly; 0 where nothing does, and neighbours lie in a disc instead of a ball."""
+    """NaN of what does not fly; 0 where nothing does, and neighbours lie in a disc instead of a ball."""
     SENSED_Z = 25
-    VICINITIES = 26
+    OWN_X = 26
+    """The true poses, for robots that ask."""
+    OWN_Y = 27
+    OWN_HEADING = 28
+    OWN_Z = 29
+    VICINITIES = 30
     """Vicinities to be kept up to date; their addresses follow from FIRST on."""
-    FIRST = 27
+    FIRST = 31
 
 
 class Of(IntEnum):
@@ -140,6 +146,7 @@ class BodyTables(NamedTuple):
     sensed_x, sensed_y, sensed_heading: the pose that the robot senses
     shared, following: what neighbours see in this tick, and in the next one; shape (rows, robots), colours first
     heights: true and sensed z, m; None where nothing flies
+    seen: x, y and heading, and z where something flies, as neighbours see them, if they do not see the true ones
     """
 
     x: Floats
@@ -151,6 +158,12 @@ class BodyTables(NamedTuple):
     shared: Floats
     following: Floats
     heights: tuple[Floats, Floats] | None = None
+    seen: tuple[Floats, ...] | None = None
+
+    @property
+    def own(self) -> tuple[Floats, ...]:
+        """True x, y and heading, and z where something flies."""
+        return (self.x, self.y, self.heading, *(self.heights or ())[:1])
 
 
 class Vicinity:
@@ -211,13 +224,17 @@ class Neighbourhood:
         self._sight, self._version = sight, sight.version
         self.flies = tables.heights is not None
         """Whether neighbours lie in a ball."""
-        self._arrays = (*tables[:-1], *self._turns, *(tables.heights or ()))
-        words = (
-            *(Near.X, Near.Y, Near.HEADING, Near.SENSED_X, Near.SENSED_Y, Near.SENSED_HEADING),
-            *(Near.SHARED, Near.SHARED_NEXT, Near.COSINE, Near.SINE, *((Near.Z, Near.SENSED_Z) if self.flies else ())),
-        )
-        for word, array in zip(words, self._arrays, strict=True):
-            self.table[word] = array.ctypes.data
+        self._arrays = {
+            (Near.SENSED_X, Near.SENSED_Y, Near.SENSED_HEADING, Near.SHARED, Near.SHARED_NEXT): tables[3:8],
+            (Near.COSINE, Near.SINE): tuple(self._turns),
+            (Near.OWN_X, Near.OWN_Y, Near.OWN_HEADING, Near.OWN_Z): tables.own,
+            (Near.X, Near.Y, Near.HEADING, Near.Z): tables.seen or tables.own,
+            (Near.SENSED_Z,): (tables.heights or ())[1:],
+        }
+        """By the words that have their addresses; those of heights are left 0 on the plane."""
+        for words, arrays in self._arrays.items():
+            for word, array in zip(words, arrays, strict=False):
+                self.table[word] = array.ctypes.data
         self.table[Near.COUNT], self.table[Near.SHARES] = count, tables.shared.size
         self.table[Near.TURNED], self.table[Near.TORUS] = self.turned, scenario.around != PLAIN
         self.table[Near.SIGHT] = sight.address

@@ -7,11 +7,30 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.core.records import dataclass
+from sleepcast.core.records import NamedTuple, dataclass
 from sleepcast.simulator.simd.formulas import TURN, arc_tangent, wrap
 from sleepcast.simulator.world.grid import Floats, Whole
 
 Flags: TypeAlias = NDArray[np.bool_]
+
+
+class NeighbourQuery(NamedTuple):
+    """Which neighbours were asked for.
+
+    robots: indices
+    radius: m
+    colour: NaN for any; one for each robot
+    """
+
+    robots: Whole
+    radius: Floats
+    colour: Floats
+
+    def part(self, some: slice) -> NeighbourQuery:
+        return NeighbourQuery(self.robots[some], self.radius[some], self.colour[some])
+
+    def same(self, other: NeighbourQuery) -> bool:
+        return all(np.array_equal(*each, equal_nan=True) for each in zip(self, other, strict=True))
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +149,13 @@ class Pairs:
         dx, dy, away = (each[chosen] for each in (self.dx, self.dy, self.away))
         dz = None if self.dz is None else self.dz[chosen]
         return Pairs(self.asked, self.within, self.robot[chosen], self.other[chosen], dx, dy, away, dz)
+
+
+def length(dx: Floats, dy: Floats, dz: Floats | None) -> Floats:
+    """The length of vectors, m; dz: None on the plane."""
+    squares = dx * dx + dy * dy
+    found: Floats = np.sqrt(squares if dz is None else squares + dz * dz)
+    return found
 
 
 def in_order(counts: Whole, keys: Whole) -> tuple[Whole, Whole]:

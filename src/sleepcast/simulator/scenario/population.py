@@ -18,11 +18,13 @@ from numpy.typing import NDArray
 
 from sleepcast.channel.message_batch import NameIndex
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.ticks import nearest_ticks
 from sleepcast.robot import BodyConstant
 from sleepcast.simulator.scenario.groups import RobotGroup, group_indices
 from sleepcast.simulator.scenario.robot_settings import MAX_ROBOTS, USUAL_ROOM, RobotSpec
 from sleepcast.simulator.scenario.robot_types import names_of, slices
 from sleepcast.simulator.scenario.scenario import Scenario
+from sleepcast.simulator.scenario.signals import MAX_DELAYED
 
 
 def comes_and_goes(scenario: Scenario) -> bool:
@@ -56,11 +58,22 @@ def rooms(scenario: Scenario) -> list[int]:
     return [max(size, spec.most or (USUAL_ROOM if spec.hatch else 1) * size) for spec, size in sized]
 
 
+def delayed_rows(scenario: Scenario) -> int:
+    """How many rows of robots, one for each tick, the delay of what they sense of neighbours takes."""
+    model = scenario.neighbours
+    return 0 if model is None else sum(rooms(scenario)) * nearest_ticks(model.delay, scenario.tick)
+
+
 def with_room(scenario: Scenario) -> Scenario:
     """The scenario with as many robots of each sort as there may be at one time. Raises MisuseError for too many."""
     room = rooms(scenario)
     if sum(room) > MAX_ROBOTS:
         raise MisuseError(f"room for {sum(room)} robots is too much: at most {MAX_ROBOTS} fit. Say a lower most = ...")
+    if delayed_rows(scenario) > MAX_DELAYED:
+        raise MisuseError(
+            f"room for {sum(room)} robots that sense neighbours with a delay is too much: say a lower most = ..., or a "
+            "shorter delay"
+        )
     return with_counts(scenario, room)
 
 

@@ -63,6 +63,7 @@ from sleepcast.simulator.scenario.signals import (
     read_neighbours,
     read_pings,
     read_sight,
+    refuse_delay,
     refuse_sight,
 )
 from sleepcast.simulator.scenario.sliders import Slider, blanks_of, read_sliders
@@ -342,6 +343,7 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> t
             wind=read_wind(root, size, flies=robots.flight is not None),
         )
         refuse_many(root, scenario.laser, robots.count)
+        refuse_delay(root, scenario.neighbours, robots.count, scenario.tick)
         if scenario.torus:
             _check_torus(root, scenario)
         return scenario, world.drawn

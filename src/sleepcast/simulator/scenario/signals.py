@@ -16,13 +16,16 @@ from sleepcast.core.model import Quantity
 from sleepcast.core.neighbours import SHOWN
 from sleepcast.core.records import dataclass
 from sleepcast.core.settings import Table, checked_name
-from sleepcast.core.units import LENGTH, UNITS
+from sleepcast.core.ticks import nearest_ticks
+from sleepcast.core.units import LENGTH, TIME, UNITS
 from sleepcast.robot import BodyConstant
 
 MAX_LIGHTS = 32
 """Lights of one world: every robot looks for the nearest one at every tick."""
 MAX_SHARES = 8
 """Numbers that robots show to their neighbours: a beacon of a real robot carries some bytes."""
+MAX_DELAYED = 4_194_304
+"""Robots times ticks of a delay: what is stored of them takes some 200 megabytes."""
 MAX_SHOWN_GROUPS = 8
 """Groups that robots show to their neighbours: as many as other numbers."""
 SENSED = ("x", "y", "heading", "dist")
@@ -71,6 +74,7 @@ class NeighbourModel:
     noise: standard deviation, in each direction, of a neighbour's sensed place, as a share of its distance
     shares: the numbers that robots show to their neighbours, by name, each with its unit ("" for a plain number)
     shows_groups: the groups of which neighbours see who is in them
+    delay: how old all is that robots sense of neighbours, s
     """
 
     reach: float
@@ -78,6 +82,7 @@ class NeighbourModel:
     noise: float
     shares: dict[str, str]
     shows_groups: tuple[str, ...] = ()
+    delay: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +165,21 @@ def read_neighbours(root: Table, *, flies: bool = False) -> NeighbourModel | Non
             noise=table.number("noise", default=0.0, low=0.0, high=1.0),
             shares=units,
             shows_groups=_shown_groups(table, (*units, *sensed)),
+            delay=table.number("delay", TIME, 0.0, low=0.0),
         )
+
+
+def refuse_delay(root: Table, model: NeighbourModel | None, robots: int, tick: float) -> None:
+    """Raise SettingsError for a delay of what robots sense of neighbours that is no tick, or for which too much has to
+    be stored. tick: s"""
+    if model is None or not model.delay:
+        return
+    table, ticks = root.table("neighbours"), nearest_ticks(model.delay, tick)
+    if ticks == 0:
+        raise table.error("delay", f"shorter than a tick of {tick:g} s; leave it out, or make the tick shorter")
+    if ticks * robots > MAX_DELAYED:
+        most = MAX_DELAYED // robots * tick
+        raise table.error("delay", f"too long to store what {robots} robots show: at most {most:g} s fit")
 
 
 def _shown_groups(table: Table, others: Iterable[str]) -> tuple[str, ...]:

@@ -46,11 +46,15 @@ class Cells:
     around: Around
     margin: tuple[float, float]
 
+    def placed(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+        """These places in the frame of the cells."""
+        return (x, y) if self.around == PLAIN else (x + self.margin[0], y + self.margin[1])
+
     def images(self, x: Floats, y: Floats) -> Images:
         """These points and their images; in a plain world, the points alone."""
         if self.around == PLAIN:
             return Images(x, y, slice(None))
-        of, places = np.arange(len(x)), [x + self.margin[0], y + self.margin[1]]
+        of, places = np.arange(len(x)), [*self.placed(x, y)]
         for axis, (size, margin) in enumerate(zip(self.around, self.margin, strict=True)):
             low, high = np.flatnonzero(places[axis] < 2.0 * margin), np.flatnonzero(places[axis] >= size)
             copied = np.concatenate((low, high))

@@ -260,6 +260,17 @@ class SimulatedFleet(Fleet):
     def heading(self) -> NDArray[np.float64]:
         return read_only(self.swarm.simulator.bodies.heading[self._there].copy())
 
+    @property
+    def z(self) -> NDArray[np.float64]:
+        """m above the origin; 0 of robots that do not fly."""
+        flight = self.swarm.simulator.bodies.flight
+        return read_only(np.zeros_like(self.x) if flight is None else np.nan_to_num(flight.z[self._there]))
+
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """True velocity over the ground, to the east and to the north, m/s, shape (2, robots)."""
+        return read_only(self.swarm.simulator.bodies.velocity()[:, self._there])
+
     def __getitem__(self, expression: str) -> NDArray[np.float64]:
         """See `Fleet`: no radio is needed, and nothing changes."""
         self.checked(expression)

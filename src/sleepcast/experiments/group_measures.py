@@ -8,6 +8,11 @@
     clusters 2m             number of clusters, single robots included
     covered 10m             share of the world within 10 m of a robot
     voronoi_cost            mean squared distance from a point of the world to the nearest robot, m2
+    ground_speed            mean speed over the ground, m/s
+    velocity_correlation 2m mean cosine between the velocities of robots in one cluster
+    close_pairs 2m          share of all pairs of robots whose centres are nearer to each other than that
+
+The last three are order parameters of Vásárhelyi et al. (2018), at one moment; a `time_mean` of them is that of a run.
 
 An expression after it restricts the group to the robots for which it is true: `largest_cluster 2m (IN bravo)`.
 """
@@ -36,14 +41,15 @@ _TEXT = re.compile(r"(\w+)(?:\s+(\d+(?:\.\d*)?|\.\d+)\s*([a-z]+))?(?:\s+(\(.+))?
 
 
 class SwarmSample(NamedTuple):
-    """Some robots: positions, m, headings, rad, each of shape (robots,), and width and height of their world, m. z is
-    None where nobody flies."""
+    """Some robots: positions, m, headings, rad, each of shape (robots,), and width and height of their world, m; z, m,
+    0 of what does not fly, or None where nobody does; velocities over the ground, m/s, shape (2, robots)."""
 
     x: Floats
     y: Floats
     heading: Floats
     size: tuple[float, float]
     z: Floats | None = None
+    velocity: Floats = np.zeros((2, 0))
 
 
 def polarization(group: SwarmSample, _: float) -> float:
@@ -84,8 +90,28 @@ def voronoi_cost(group: SwarmSample, _: float) -> float:
     return float((_to_nearest(group) ** 2).mean())
 
 
-ALONE = {each.__name__: each for each in (polarization, rotation, gyration, closest, voronoi_cost)}
-WITHIN = {each.__name__: each for each in (largest_cluster, clusters, covered)}
+def ground_speed(group: SwarmSample, _: float) -> float:
+    return float(np.hypot(*group.velocity).mean())
+
+
+def velocity_correlation(group: SwarmSample, near: float) -> float:
+    """0 of robots that stand still, or alone."""
+    speed = np.hypot(*group.velocity)
+    ways, cluster = group.velocity / np.where(speed > 0.0, speed, 1.0), _clusters(group, near)
+    totals = np.stack([np.bincount(cluster, way) for way in ways])[:, cluster]
+    others = np.bincount(cluster)[cluster] - 1
+    alike = (ways * (totals - ways)).sum(axis=0)
+    return float((alike / np.maximum(others, 1)).mean())
+
+
+def close_pairs(group: SwarmSample, near: float) -> float:
+    count, places = group.x.size, (group.x, group.y, *([] if group.z is None else [group.z]))
+    close = _tree(*places).query_pairs(near, output_type="ndarray")
+    return len(close) / (count * (count - 1) / 2) if count > 1 else 0.0
+
+
+ALONE = {each.__name__: each for each in (polarization, rotation, gyration, closest, voronoi_cost, ground_speed)}
+WITHIN = {each.__name__: each for each in (largest_cluster, clusters, covered, velocity_correlation, close_pairs)}
 """Those that need a distance."""
 NAMES = (*ALONE, *WITHIN)
 
@@ -109,10 +135,8 @@ def read_group_measure(text: str) -> Callable[[SimulatedFleet], float]:
     def measured(fleet: SimulatedFleet) -> float:
         which = is_true(fleet[predicate]) if predicate else slice(None)
         scenario = fleet.swarm.simulator.scenario
-        z = fleet.swarm.simulator.heights
-        z = None if z is None else z[~np.isnan(z)][which]
-        size = scenario.width, scenario.height
-        group = SwarmSample(fleet.x[which], fleet.y[which], fleet.heading[which], size, z)
+        size, z = (scenario.width, scenario.height), fleet.z[which]
+        group = SwarmSample(fleet.x[which], fleet.y[which], fleet.heading[which], size, z, fleet.velocity[:, which])
         return measure(group, near) if group.x.size else nan
 
     return measured

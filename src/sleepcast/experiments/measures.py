@@ -6,6 +6,8 @@
     largest_cluster 2m                     of the group as a whole; see `group_measures`
     stock ore coal                         what is left of these stocks, added up, in SI
     field grass                            what all cells of this growing field have, added up, in SI
+    time_mean mean fuel                    the mean of a measure over all samples of the run so far
+    time_mean 20s largest_cluster 2m       over those from this time on
     analysis.spread                        the function `spread` of the module `analysis`, which takes the fleet
 
 A package adds measures by name with entry points in the group `sleepcast.measures`.
@@ -19,7 +21,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from importlib import import_module
-from math import isfinite, nan
+from math import isfinite, isnan, nan
 from operator import eq, ge, gt, le, lt
 from typing import SupportsFloat, TypeAlias
 
@@ -31,6 +33,7 @@ from sleepcast.core.angles import deviation, mean_direction, quantile, widest_ga
 from sleepcast.core.errors import MisuseError, decimal_comma, did_you_mean
 from sleepcast.core.extensions import extensions, load_extension
 from sleepcast.core.records import dataclass
+from sleepcast.core.units import TIME, UNITS, to_si
 from sleepcast.experiments.group_measures import NAMES, read_group_measure
 from sleepcast.language import CheckError
 from sleepcast.language.evaluate import is_true
@@ -82,6 +85,8 @@ OTHER_WORDS = {
 """Words that people write for those above."""
 GROUP = "sleepcast.measures"
 
+TIME_MEAN = "time_mean"
+_AVERAGED = re.compile(rf"{TIME_MEAN}\s+(?:(\d+(?:\.\d*)?|\.\d+)\s*([a-z]+)\s+)?(\S.*)", re.DOTALL)
 _FUNCTION = re.compile(r"([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)[.:]([A-Za-z_]\w*)")
 _CALLED = re.compile(rf"({'|'.join(AGGREGATES)})\((.*)\)", re.DOTALL)
 _QUANTILE = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s+(.+)", re.DOTALL)
@@ -100,6 +105,8 @@ def read_measure(text: str, *, own: bool = False) -> Measure:
     """
     first, _, rest = text.strip().partition(" ")
     expression = rest.strip()
+    if first == TIME_MEAN:
+        return _time_mean(text, own=own)
     if first in NAMES:
         return read_group_measure(text)
     if expression and first in OF_KNOWN:
@@ -114,7 +121,7 @@ def read_measure(text: str, *, own: bool = False) -> Measure:
         raise MeasureError(f'measure "{text:.80}": write {meant:.80}')
     if expression:
         raise MeasureError(
-            f'measure "{text:.80}": there is no "{first:.40}"{did_you_mean(first, (*AGGREGATES, *NAMES))}: '
+            f'measure "{text:.80}": there is no "{first:.40}"{did_you_mean(first, (*AGGREGATES, *NAMES, TIME_MEAN))}: '
             f"wanted one of {', '.join(AGGREGATES)} and an expression, such as mean fuel"
         )
     if not own and own_function(first) is not None:
@@ -123,6 +130,32 @@ def read_measure(text: str, *, own: bool = False) -> Measure:
             f"{', '.join((*AGGREGATES, *NAMES))}, as in mean fuel"
         )
     return _function(first, own=own)
+
+
+def _time_mean(text: str, *, own: bool) -> Measure:
+    """The mean of a measure over the samples so far, as a measure that keeps them: it is of one run. What was unknown
+    is left out."""
+    parts = _AVERAGED.fullmatch(text.strip())
+    if parts is None or parts[3].startswith(TIME_MEAN) or (parts[2] and not _is_time(parts[2])):
+        raise MeasureError(
+            f'measure "{text:.80}": wanted {TIME_MEAN}, perhaps a time from which on, and a measure, as in '
+            f"{TIME_MEAN} 20s mean fuel"
+        )
+    measure, angle, samples = read_measure(parts[3], own=own), angle_of(parts[3]), list[float]()
+    begin = to_si(float(parts[1]), parts[2]) if parts[2] else 0.0
+
+    def measured(fleet: SimulatedFleet) -> float:
+        value = measure(fleet)
+        if not isnan(value) and fleet.time >= begin - 1e-9:
+            samples.append(value)
+        mean = mean_direction if angle and fleet.checked(angle).is_angle else np.mean
+        return float(mean(np.array(samples))) if samples else nan
+
+    return measured
+
+
+def _is_time(unit: str) -> bool:
+    return unit in UNITS and UNITS[unit].dimension == TIME
 
 
 def _meant(text: str) -> str:
@@ -140,8 +173,10 @@ def _meant(text: str) -> str:
 
 
 def own_function(text: str) -> tuple[str, str] | None:
-    """Module and name of the function in Python that a measure names; None for every other measure."""
-    match = _FUNCTION.fullmatch(text.strip())
+    """Module and name of the function in Python that a measure names, also one of which it takes the mean; None for
+    every other measure."""
+    averaged = _AVERAGED.fullmatch(text.strip())
+    match = _FUNCTION.fullmatch(averaged[3] if averaged else text.strip())
     return None if match is None else (match[1], match[2])
 
 
@@ -225,6 +260,8 @@ def _quantile(text: str, rest: str) -> Measure:
 
 def angle_of(text: str) -> str:
     """The expression whose values a measure turns into an angle if they are angles; "" for any other measure."""
+    if averaged := _AVERAGED.fullmatch(text.strip()):
+        return angle_of(averaged[3])
     first, _, rest = text.strip().partition(" ")
     if first == "quantile" and (parts := _QUANTILE.fullmatch(rest.strip())):
         return parts[2]

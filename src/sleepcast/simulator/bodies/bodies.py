@@ -493,6 +493,15 @@ class Bodies:
         self.sonars.sense(which, self.tick, (self.x, self.y, self.heading), rows)
         return self.sensed[len(self.sensors) : -1, slice(None) if which is None else which].T
 
+    def velocity(self) -> Floats:
+        """The velocity of all bodies over the ground, to the east and to the north, m/s, shape (2, count)."""
+        side = np.nan_to_num(self.side_speed) if self.side_speed.size else np.zeros(self.count)
+        velocity: Floats = np.stack(rotated(self.speed, side, *sine_cosine(self.heading)))
+        if self.flight is not None:
+            flown = np.stack((self.flight.velocity_x, self.flight.velocity_y))
+            velocity = np.where(self.flight.flies, flown, velocity)
+        return velocity
+
     def scans(self, which: Whole) -> NDArray[np.float32]:
         """What the scanners of these bodies measure, see `Scanner.ranges`. Only for robots that have them."""
         assert self.scanner

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from pathlib import Path
 from unittest.mock import patch
 
@@ -29,6 +30,7 @@ CROWD = (
     ('width = "1km"\nheight = "1km"', 'width = "450m"\nheight = "420m"\n{edge}'),
     ('x = "500m"', 'x = "300m"'),
 )
+NEIGHBOURS = f'\n[neighbours]\nreach = "200m"\n{SHARES}'
 ERRORS = {"exact": "", "wrong": "loss = 0.2\nnoise = 0.1\n"}
 SENSES = (
     "(COUNT 90m)", "(MEAN_X 90m)", "(MEAN_Y 60m)", "(MEAN_HEADING 60m)", "(NEAREST_X 90m 2)", "(NEAREST_Y 90m)",
@@ -219,6 +221,32 @@ def test_random_rules_are_the_same(
                 run.step()
         found.append(seen(run))
     assert found[0] == found[1]
+
+
+def test_what_several_rules_ask_is_asked_once(tmp_path: Path) -> None:
+    """Some robots ask in the first rule, the others in the second one, and in the third nobody any more."""
+    scenario = load(write(tmp_path, *((old, new.format(count=20, edge="")) for old, new in CROWD), more=NEIGHBOURS))
+    found = []
+    for native in (False, True):
+        run = swarm(scenario, native)
+        for text in (
+            "(RULE few (WHEN (> (MOD id 3) 0) (COLOUR (COUNT 90m))))",
+            "(RULE all (SHARE_OPINION (COUNT 90m)))",
+            "(RULE also (SETQ drive_speed (/ (COUNT 90m) 50)))",
+        ):
+            desk_of(run).send(text, everybody=True)
+        for _ in range(4):
+            run.step()
+        found.append(seen(run))
+    assert found[0] == found[1]
+    plans = run.fleet.kernels._plans.values() if run.fleet.kernels else ()
+    (kernel,) = [leg.kernel for plan in plans for leg in plan.legs if leg.kernel and len(plan.legs) == 1]
+    asked: list[int] = []
+    types = ctypes.c_void_p, *[ctypes.c_int64] * 3, ctypes.c_void_p, ctypes.c_void_p
+    counting = ctypes.CFUNCTYPE(None, *types)(lambda _, first, mask, *rest: asked.append(mask.bit_count()))
+    kernel._table[kernel._entries.index(("function", 0))] = ctypes.cast(counting, ctypes.c_void_p).value
+    run.step()
+    assert sum(asked) == 20
 
 
 def test_a_robot_that_would_act_on_what_is_unknown_is_walked_and_reports(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ and of the one-robot machine, for any number of lanes and threads.
 from __future__ import annotations
 
 import ctypes
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from copy import copy
 from enum import IntEnum
@@ -35,7 +36,7 @@ from sleepcast.core.threads import ThreadPool, borders
 from sleepcast.fleet.native import libm
 from sleepcast.fleet.native.assembly import Assembly
 from sleepcast.fleet.native.lowering import ELEMENTS, Addresses, Lowering, enters, kind_of
-from sleepcast.fleet.native.symbols import Meaning, Size, is_called, is_ping
+from sleepcast.fleet.native.symbols import Meaning, Size, constants, is_called, is_ping
 from sleepcast.fleet.state import FleetState
 from sleepcast.language.acts import FLAGS
 from sleepcast.language.parts import host_of, walk
@@ -75,6 +76,17 @@ class ResultColumns(NamedTuple):
     steps: NDArray[np.uint16] | None
 
 
+Asked: TypeAlias = tuple[HostFunction, tuple[float | None, ...]]
+"""A function of the robots' own software, and its arguments where they are constants."""
+
+
+class KnownAnswer(NamedTuple):
+    """The cells of what a function has come to, and of the lanes that know it."""
+
+    value: str
+    known: str
+
+
 class Writer:
     """Writes the text of one loop. counted: whether the steps of each program are stored. calls: see `is_native`.
 
@@ -86,7 +98,7 @@ class Writer:
     def __init__(self, programs: Sequence[Program], names: Meaning, lanes: int, counted: bool, calls: bool) -> None:
         self.a = Assembly(lanes)
         self.entries: dict[Entry, int] = {}
-        self.called: list[tuple[HostFunction, tuple[float | None, ...]]] = []
+        self.called: list[Asked] = []
         self.sensing = 0
         self._programs, self._names, self._counted, self._calls = programs, names, counted, calls
         self.pings = any(is_ping(part, calls) for each in _all(programs, names) for part in walk(each.root))
@@ -96,6 +108,7 @@ class Writer:
         self._written_bodies = written
         self.bodies: dict[str, BodyColumn] = written | {flag.name: flag for flag in flags}
         self._base = ""
+        self._answers: dict[Asked, KnownAnswer] = {}
 
     def text(self) -> str:
         """The module's text; afterwards `entries` says what the address table holds."""
@@ -149,6 +162,8 @@ class Writer:
         if self.pings:
             columns.pinged = (a.cell(a.real, self._read("ping", "", a.real)), a.cell(a.truth, a.no))
         low = Lowering(a, columns, self._names, calls=self._calls)
+        for asked in self._asked_again():
+            self._answers[asked] = KnownAnswer(a.cell(a.real, a.zero), a.cell(a.truth, a.no))
         chancy = any(program.chancy for program in _all(self._programs, self._names))
         if chancy:
             low.drawn = a.cell(a.whole, self._read("draws", "", a.whole))
@@ -187,13 +202,31 @@ class Writer:
     def _call(
         self, function: HostFunction, constants: tuple[float | None, ...], numbers: Sequence[str], mask: str
     ) -> str:
-        """The results of a function of the robots' own software that only senses, called lane by lane."""
+        """The results of a function of the robots' own software that only senses, called lane by lane; what is asked in
+        several places, only in those lanes that do not know it yet."""
         if (function, constants) not in self.called:
             self.called.append((function, constants))
         self.sensing += 1
-        which = self.called.index((function, constants))
+        which, a = self.called.index((function, constants)), self.a
         function_at, context = self._pointer("function", which), self._pointer("context", which)
-        return self.a.call_each(function_at, context, self._base, numbers, mask)
+        answer = self._answers.get((function, constants))
+        if answer is None:
+            return a.call_each(function_at, context, self._base, numbers, mask)
+        known = a.get(answer.known, a.truth)
+        new = a.both(mask, a.neither(known))
+        with a.when(a.any(new)):
+            found = a.call_each(function_at, context, self._base, numbers, new)
+            a.put(answer.value, a.real, a.select(new, found, a.get(answer.value, a.real)))
+            a.put(answer.known, a.truth, a.either(known, new))
+        return a.get(answer.value, a.real)
+
+    def _asked_again(self) -> list[Asked]:
+        """What is asked in several places: it comes to the same all through a round, see `symbols.is_called`."""
+        asked: Counter[Asked] = Counter()
+        for program in _all(self._programs, self._names) if self._calls else ():
+            senses = [part for part in walk(program.root) if part.op == "host" and not host_of(part).acts]
+            asked.update((host_of(part), constants(part)) for part in senses if part.slot < 0)
+        return [each for each, times in asked.items() if times > 1 and None not in each[1]]
 
     def _give(self, column: str, value: str, mask: str) -> None:
         """Write a column that has not been written yet."""

@@ -54,7 +54,7 @@ from sleepcast.simulator.simd.lanes import (
     whole_at,
     wholes_at,
 )
-from sleepcast.simulator.simd.vectors import any_of, either, how_many, places, singles
+from sleepcast.simulator.simd.vectors import any_of, either, every, how_many, least_of, places, singles
 from sleepcast.simulator.sonar.kernels import GOLDEN, U, cells_around, deviate, mixed
 from sleepcast.simulator.world import kernels_sight
 
@@ -479,6 +479,9 @@ def gather(vicinity, ball, quantity, fold, row, robot, within, colour, middle_x,
     walls, discs = around(vicinity, near, robot, least, seen)
     veiled = walls != 0 or discs != 0
     found, other_found, count, best = 0.0, 0.0, 0.0, -inf
+    counts = quantity == ONE and fold == TOTAL
+    near_only = counts or (quantity == AWAY and fold == NEAREST and noise == 0.0)
+    merely, nearest = near_only and plain and not veiled, every(inf)
     line, high, left, right = cells_around(own_x, own_y, size, columns, long_at(vicinity, ROWS), reach)
     own_z, sorted_z, last, rows, span = 0.0, 0, high, 0, 0
     if ball is not None:
@@ -500,6 +503,10 @@ def gather(vicinity, ball, quantity, fold, row, robot, within, colour, middle_x,
                     squares = squares + dz * dz
                 close = (squares <= least) & (wholes_at(order, each) != I(robot))
                 close = close & (places() < I(end - each))
+                if merely:  # who the neighbours are does not matter
+                    count += float(how_many(close))
+                    nearest = least_of(nearest, either(close, squares, inf))
+                    continue
                 pack_at(room, taken, places() + I(each), close)
                 if veiled:
                     pack_at(ways, taken, singles(dx), close)
@@ -514,7 +521,7 @@ def gather(vicinity, ball, quantity, fold, row, robot, within, colour, middle_x,
                 k = np.int64(whole_at(start, min(line, high - 1) * columns + left))
         if veiled and taken > 0:
             taken = visible(vicinity, near, robot, seen, walls, discs, room, ways, taken)
-        if plain and quantity == ONE and fold == TOTAL:
+        if plain and counts:
             found, count = found + float(taken), count + float(taken)
             continue
         if plain and quantity == HEADING and fold == DIRECTION and not turned:
@@ -586,7 +593,19 @@ def gather(vicinity, ball, quantity, fold, row, robot, within, colour, middle_x,
                     key = sqrt(dx * dx + dy * dy)
                 if key > best:
                     found, best = value, key
+    if merely:
+        found = count if counts else least_in(np.sqrt(nearest))
     return found, other_found, count, best
+
+
+@woven
+def least_in(values):
+    """The least of LANES numbers."""
+    room, least = stack_room(LANES), inf
+    put_reals(room, 0, values)
+    for lane in range(LANES):
+        least = min(least, real_at(room, lane))
+    return least
 
 
 @woven

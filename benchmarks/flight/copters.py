@@ -1,7 +1,8 @@
 """The job: copters fly to places of their own choice in a cube of air, and keep off each other.
 
 One for every 64 cubic metres, so that about eight others are within the five metres that each senses; ten rules; ten
-ticks a second; whoever touches another one crashes. Nothing is pushed by another one's wash.
+ticks a second; whoever touches another one crashes. Nothing is pushed by another one's wash. Batteries last for hours,
+so that all are in the air however long it is measured.
 """
 
 from __future__ import annotations
@@ -47,6 +48,12 @@ radius = "0.25m"
 [robots.flight]
 climb = "2m/s"
 ceiling = "{ceiling}m"
+hovers = "10h"
+climbs = "30km"
+
+[robots.stores.battery]
+start = ["100%", "100%"]
+reach = "120km"
 
 [neighbours]
 reach = "5m"

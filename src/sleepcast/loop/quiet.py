@@ -75,6 +75,8 @@ class QuietSwarm(Protocol):
 
     def report(self) -> None: ...
 
+    def follow(self) -> None: ...
+
     def advance(self, most: int, /) -> int: ...
 
 
@@ -221,9 +223,9 @@ class QuietWorld:
         self._swarm.whole = True
 
     @property
-    def thinks(self) -> bool:
-        """After `begin`: whether rules run in these ticks."""
-        return self._minds.awake
+    def may_stop(self) -> bool:
+        """After `begin`: whether fewer ticks may be made, since rules run or bodies may touch in the air."""
+        return self._minds.awake or (self.block is not None and self.block.flies)
 
     def end(self, made: int | None = None) -> int:
         """Note what has come of them, and report; gives how many there were. made: that, if they were made in several
@@ -237,21 +239,30 @@ class QuietWorld:
         block.note()
         simulator = swarm.simulator
         minds.note(ticks, block.most_steps)
-        self._note_samples(simulator.tick - (trouble is not None), ticks)
+        left = trouble is not None or block.touched
+        self._note_samples(simulator.tick - left, ticks)
+        if block.touched:
+            minds.at(simulator.tick - 1, (simulator.tick - 1) * self._tick)
+            swarm.follow()
+        else:
+            self._follow(trouble)
+        swarm.whole = True
+        for witness in swarm.witnesses:
+            witness.ticked()
+        self.ticks += ticks + left
+        return ticks + left
+
+    def _follow(self, trouble: int | None) -> None:
+        """The rest of the latest tick, in which rules have run, all of them or up to a leg that has left robots."""
+        swarm, minds, simulator = self._swarm, self._minds, self._swarm.simulator
         minds.at(simulator.tick, simulator.time)
         if trouble is not None:
             minds.finish(trouble)
-            ticks += 1
         swarm.thought = self._everybody if minds.awake else self._nobody
         if simulator.scenario.measures:
             simulator.measuring.observe(simulator.tick, simulator.time)
         if trouble is not None or self._reports:
             swarm.report()
-        swarm.whole = True
-        for witness in swarm.witnesses:
-            witness.ticked()
-        self.ticks += ticks
-        return ticks
 
     def _note_samples(self, tick: int, ticks: int) -> None:
         """So many ticks were made up to this one: note the telemetry of the last one in which it was sampled."""
@@ -317,14 +328,15 @@ class QuietTicks:
 
     def hold(self, most: int) -> int:
         """Get all swarms ready for a stretch of so many quiet ticks, or fewer, of which `go_on` makes some at a time;
-        gives how many, 0 where some tick is not quiet or rules run. Until `let_go` nobody may look at the swarms."""
+        gives how many, 0 where some tick is not quiet or fewer may be made. Until `let_go` nobody may look at the
+        swarms."""
         begun, least = list[QuietWorld](), most
         if self._table is not None:
             self._table.provide()
         for swarm in self._swarms if len(self._places) == len(self._swarms) else ():
             ticks = swarm.quiet.begin(most)
             begun += [swarm.quiet] if ticks else []
-            least = min(least, 0 if swarm.quiet.thinks else ticks)
+            least = min(least, 0 if swarm.quiet.may_stop else ticks)
             if not least:
                 break
         if len(begun) < len(self._swarms) or not least:

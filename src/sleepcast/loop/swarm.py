@@ -330,6 +330,13 @@ class Swarm:
         """The last part of a tick, see the module."""
         _report(self)
 
+    def follow(self) -> None:
+        """The rest of a tick in which bodies have moved."""
+        self.simulator.follow()
+        _deliver(self)
+        _think(self)
+        _report(self)
+
     def evaluate(self, name: str, text: str) -> Result:
         """Evaluate `text` on the robot called `name`, with its current readings; its messages are sent in the next
         tick. Raises KeyError for an unknown robot, ReadError and CheckError for an invalid text."""

@@ -21,6 +21,7 @@ from sleepcast.simulator.laser import beams
 from sleepcast.simulator.laser.beams import BeamScene
 from sleepcast.simulator.motion import steps
 from sleepcast.simulator.motion.driving import Laws
+from sleepcast.simulator.motion.flying import FlightColumns, Power, TypeLaws
 from sleepcast.simulator.motion.steps import BodyColumns, Displacement, Draws, Settled
 from sleepcast.simulator.neighbours.neighbourhood import Formula, Vicinity
 from sleepcast.simulator.scenario.scanners import LaserModel
@@ -69,7 +70,8 @@ class Machine(Protocol):
 
     @property
     def compiles(self) -> bool:
-        """Whether it can do `neighbours`; otherwise that is found from `pairs`."""
+        """Whether it can do `neighbours` and `fly`; otherwise the first is found from `pairs`, and the other is done by
+        `Flight.step`."""
 
     def neighbours(
         self, vicinity: Vicinity, formula: Formula, robots: Whole, radius: Floats, colour: Floats, /
@@ -122,6 +124,10 @@ class Machine(Protocol):
         /,
     ) -> None: ...
 
+    def fly(self, bodies: FlightColumns, laws: TypeLaws, power: Power, which: slice, /) -> None:
+        """Move these bodies through a tick, all of one type that hovers, where it `compiles`; see
+        `kernels_flying.fly`."""
+
     def disturb(self, seen: Ranges, which: Whole, noise: Noise, /) -> None: ...
 
     def tell(self, seen: Ranges, which: Whole, receiver: SonarReceiver, sensed: Floats, /) -> None: ...
@@ -159,6 +165,9 @@ class NumPyMachine:
 
     def shown(self, near: int, quantity: int, row: int, robots: Whole, others: Floats, reach: float) -> Floats:
         raise NotImplementedError(FROM_PAIRS)
+
+    def fly(self, bodies: FlightColumns, laws: TypeLaws, power: Power, which: slice) -> None:
+        raise NotImplementedError("with NumPy `Flight.step` moves what flies")
 
     def forget(self) -> None:
         """Nothing: it keeps nothing."""

@@ -21,6 +21,7 @@ from sleepcast.core.records import NamedTuple
 from sleepcast.core.threads import FEW, SIZES, ThreadPool, borders
 from sleepcast.simulator.laser.beams import ROUGH, SLACK, BeamScene, far_of
 from sleepcast.simulator.motion.driving import Laws
+from sleepcast.simulator.motion.flying import FlightColumns, Power, TypeLaws
 from sleepcast.simulator.motion.steps import SKIN, BodyColumns, Displacement, Draws, Settled, boxes_of, clear
 from sleepcast.simulator.neighbours.neighbourhood import Formula, Vicinity
 from sleepcast.simulator.scenario.scanners import LaserModel
@@ -38,6 +39,7 @@ Result = TypeVar("Result")
 Flags: TypeAlias = NDArray[np.bool_]
 
 kernels, kernels_motion = CachedKernels("sonar.kernels"), CachedKernels("motion.kernels_motion")
+kernels_flying = CachedKernels("motion.kernels_flying")
 kernels_firing, kernels_sonar = CachedKernels("sonar.kernels_firing"), CachedKernels("sonar.kernels_sonar")
 kernels_neighbours = CachedKernels("neighbours.kernels_neighbours")
 kernels_sight = CachedKernels("world.kernels_sight")
@@ -388,6 +390,13 @@ class NumbaMachine:
         if self._boxed is None or self._boxed[0] is not solids:
             self._boxed = solids, boxes_of(solids)
         return self._boxed[1]
+
+    def fly(self, bodies: FlightColumns, laws: TypeLaws, power: Power, which: slice) -> None:
+        begin = which.start
+        self._share(
+            which.stop - begin,
+            lambda first, last: kernels_flying.fly(bodies, laws, power, begin + first, begin + last),
+        )
 
     def disturb(self, seen: Ranges, which: Whole, noise: Noise) -> None:
         keys = np.uint64(noise.key), np.uint64(noise.dropout_key)

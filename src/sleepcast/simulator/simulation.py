@@ -106,8 +106,9 @@ class Simulator:
             NamesByRow(scenario) if self.population else names_of(scenario.each_type, self.bodies.count)
         )
         self.robots = Robots(self.bodies, self.senses, self.model)
-        self._closeness: Closeness | None = None
-        """Of flying bodies; there from their first tick on."""
+        flight = self.bodies.flight
+        self.closeness = None if flight is None else Closeness(self.bodies, flight)
+        """Of flying bodies; None without any."""
         self._pinged = np.zeros(self.bodies.count, np.uint8)
         self.measuring = Measuring(scenario.measures, scenario.tick, self.bodies.x, self.bodies.y, self._there)
         self._halted = np.zeros(self.bodies.count, bool)
@@ -159,16 +160,19 @@ class Simulator:
         return self.bodies.sayings
 
     def step(self) -> None:
-        """One tick: apply the scenario's events, move all bodies, update lights, deliver the pings of the last tick,
-        settle stocks."""
+        """One tick: apply the scenario's events, move all bodies, and what `follow` says."""
         scenario = self.scenario
         if scenario.events:
             things = (*scenario.shapes, *scenario.absent)
             apply_events(self.world, scenario.events, things, self.tick + 1, scenario.tick)
         step(self.bodies)
-        if self.bodies.flight:
-            self._closeness = self._closeness or Closeness(self.bodies, self.bodies.flight)
-            crash(self.bodies, self.bodies.flight, self._closeness, self.names)
+        self.follow()
+
+    def follow(self) -> None:
+        """The rest of a tick in which bodies have moved: let those crash that have touched in the air, update lights,
+        deliver the pings of the last tick, settle stocks."""
+        if self.bodies.flight and self.closeness:
+            crash(self.bodies, self.bodies.flight, self.closeness, self.names)
         self.senses.step()
         if self.payload:
             self.payload.halt(np.flatnonzero(self.bodies.stopped & ~self._halted))

@@ -7,6 +7,7 @@ import pytest
 
 from sleepcast.simulator import Simulator, choose, read_scenario
 from sleepcast.simulator.bodies import closeness
+from sleepcast.simulator.bodies.closeness import Closeness
 
 AIR = """
 format = 2
@@ -30,31 +31,58 @@ radius = "0.2m"
 
 
 @pytest.mark.parametrize("edge", ["", 'edge = "torus"'])
-def test_the_same_copters_crash_whoever_is_looked_at(edge: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("speed", [2.0, 5.0])
+def test_the_same_copters_crash_whoever_is_looked_at(edge: str, speed: float) -> None:
     pytest.importorskip("numba")
     found, scenario = [], read_scenario(AIR.format(edge=edge))
-    for machine, many in (("numpy", 0), ("numba", 0), ("numba", 1_000)):
-        monkeypatch.setattr(closeness, "MANY", many)
+    for machine in ("numpy", "numba"):
         simulator = Simulator(scenario, machine=choose(machine, 1))
         everybody = np.arange(60)
-        simulator.act("drive_speed", everybody, np.linspace(-5.0, 5.0, 60))
+        simulator.act("drive_speed", everybody, np.linspace(-speed, speed, 60))
         simulator.act("drive_climb", everybody, np.tile((-1.0, 0.0, 1.0), 20))
-        for _ in range(40):
+        for tick in range(60):
+            if tick == 30:
+                simulator.place(7, 6.0, 6.0, 0.0)
             simulator.step()
         flight = simulator.bodies.flight
         assert flight
         found.append((simulator.state_hash(), [each.text for each in simulator.sayings]))
         assert 0 < flight.crashed.sum() < 60
-    assert found[0] == found[1] == found[2]
+    assert found[0] == found[1]
 
 
-def test_who_is_far_from_everybody_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def look_at(count: int) -> tuple[Closeness, Simulator]:
+    simulator = Simulator(
+        read_scenario(AIR.replace("count = 60", f"count = {count}").format(edge="")), machine=choose("numba", 1)
+    )
+    bodies = simulator.bodies
+    assert bodies.flight
+    bodies.x[:], bodies.y[:], bodies.flight.z[:] = 6.0, 6.0, np.linspace(2.0, 2.0 + count, count)
+    bodies.flight.way[:] = 0.01
+    return Closeness(bodies, bodies.flight), simulator
+
+
+def test_who_is_far_from_everybody_is_left_out() -> None:
     pytest.importorskip("numba")
-    monkeypatch.setattr(closeness, "MANY", 0)
-    simulator = Simulator(read_scenario(AIR.format(edge="")), machine=choose("numba", 1))
-    bodies, flight = simulator.bodies, simulator.bodies.flight
+    look, simulator = look_at(60)
+    flight = simulator.bodies.flight
     assert flight
-    bodies.x[:], bodies.y[:], flight.z[:] = 6.0, 6.0, np.linspace(2.0, 61.0, 60)
-    flight.z[7] = flight.z[8] - 0.5
-    look = closeness.Closeness(bodies, flight)
-    assert look.of(np.arange(60), np.full((3, 60), 0.1)).tolist() == [7, 8]
+    assert look.of(np.arange(60)).size == 0
+    flight.z[7] = flight.z[8] - 0.3
+    assert look.of(np.arange(60)).tolist() == [7, 8]
+    flight.z[7] = flight.z[8] - 0.41
+    assert look.of(np.arange(60)).size == 0
+    flight.way[2, 7] = -0.03
+    assert look.of(np.arange(60)).tolist() == [7, 8], "they were nearer in the tick"
+
+
+def test_a_crowd_finds_room_or_is_looked_at_as_a_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("numba")
+    look, simulator = look_at(60)
+    flight = simulator.bodies.flight
+    assert flight
+    flight.z[:40] = 5.0
+    assert look.of(np.arange(60)).tolist() == list(range(40))
+    assert look.pairs.near.shape[1] > 60 * closeness.EACH, "it has grown"
+    monkeypatch.setattr(closeness, "MOST", closeness.EACH)
+    assert Closeness(simulator.bodies, flight).of(np.arange(60)).tolist() == list(range(60))

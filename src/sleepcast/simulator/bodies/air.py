@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sleepcast.simulator.bodies.proximity import Neighbours
 from sleepcast.simulator.engine import Machine
-from sleepcast.simulator.motion import downwash
+from sleepcast.simulator.motion import downwash, flying
 from sleepcast.simulator.motion.flying import VectorLaws
 from sleepcast.simulator.motion.wind import wind_at
 from sleepcast.simulator.scenario.scenario import Scenario
@@ -63,13 +63,8 @@ class Air:
         return change
 
     def reached(self, laws: VectorLaws, rows: Whole | slice, east: Floats, north: Floats) -> tuple[Floats, Floats]:
-        """The velocity over the ground nearest to this one that a body reaches in this wind."""
-        wind_x, wind_y = self.east[rows], self.north[rows]
-        air_x, air_y = east - wind_x, north - wind_y
-        share = np.sqrt(air_x * air_x + air_y * air_y) / laws.speed
-        fast = share > 1.0
-        share = np.where(fast, share, 1.0)
-        return np.where(fast, wind_x + air_x / share, east), np.where(fast, wind_y + air_y / share, north)
+        """See `flying.reached`."""
+        return flying.reached(laws, (self.east[rows], self.north[rows]), east, north)
 
     def hold(self, rows: Whole | slice, rests: Flags, x: Floats, y: Floats) -> Flags:
         """Let those of these bodies that are to be at rest have an anchor where they are, and all others none; gives

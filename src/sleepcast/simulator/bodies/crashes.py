@@ -25,7 +25,7 @@ def crash(bodies: Bodies, flight: Flight, closeness: Closeness, names: Sequence[
     first = np.flatnonzero(flight.flies & (z > flight.ground))
     if not first.size:
         return
-    one, other = _touching(bodies, flight.way, z, closeness.of(first, flight.way))
+    one, other = _touching(bodies, flight.way, z, closeness.of(first))
     hit: dict[int, str] = {}
     for pair in sorted({*zip(one.tolist(), other.tolist(), strict=True)}):
         for robot, whom in (pair, pair[::-1]):
@@ -114,6 +114,8 @@ def _in_disc(x: Floats, y: Floats, way_x: Floats, way_y: Floats, radius: Floats)
 
 def _touching(bodies: Bodies, way: Floats, z: Floats, first: Whole) -> tuple[Whole, Whole]:
     """Pairs that have touched, of these bodies and any others. way: of all in this tick, m, shape (3, count)."""
+    if not first.size:
+        return first, first
     near, radii = bodies.near, bodies.radii
     images = near.images(bodies.x, bodies.y)
     longest = float(np.sqrt(np.max(way[0] * way[0] + way[1] * way[1], initial=0.0)))

@@ -8,20 +8,20 @@ stands, or falls; what has crashed is locked and stays where it fell. `pilot` sa
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
 from math import inf, nan
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.robot import Limits
-from sleepcast.robot.hovering import FASTEST_CLIMB
 from sleepcast.simulator.bodies.air import Air, pushed_down
 from sleepcast.simulator.bodies.moved import Grounded
 from sleepcast.simulator.bodies.wings import Wings
 from sleepcast.simulator.motion import flying
 from sleepcast.simulator.motion.driving import DRIVE, GOTO, bounded
-from sleepcast.simulator.motion.flying import FlightLaws
-from sleepcast.simulator.scenario.flight import BATTERY, CRASHED, GRAVITY, SENSORS, FlightSpec
+from sleepcast.simulator.motion.flying import LANDS, FlightColumns, FlightLaws, Power, TypeLaws
+from sleepcast.simulator.scenario.flight import BATTERY, CRASHED, SENSORS, FlightSpec
 from sleepcast.simulator.scenario.robot_settings import RobotSpec
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.starts import Formation, start_heights
@@ -34,8 +34,6 @@ Whole = NDArray[np.intp]
 MARGIN = 1e-6
 """m that bodies keep from the wall around a world, so that rounding never makes them touch it."""
 CARRIED = "is carried away: the wind is faster than it flies"
-LANDS = -np.inf
-"""The height of a body that lands."""
 
 
 def fence_of(scenario: Scenario, spec: RobotSpec) -> tuple[float, float, float, float]:
@@ -152,17 +150,23 @@ class Flight:
             rows, bodies = self._rows, self._bodies
             self.ground[rows] = self._roofs.below(bodies.x[rows], bodies.y[rows], self.z[rows])
 
+    def keep_up(self) -> None:
+        """Take over what has changed in the world."""
+        if self._version != self._bodies.world.version:
+            self.look_below()
+
     # ---- a tick
 
     def step(self) -> None:
         """Move all that fly through a tick, and let it use up their batteries."""
         bodies, rows, laws = self._bodies, self._rows, self._laws
-        if self._version != bodies.world.version:
-            self.look_below()
+        self.keep_up()
+        if self.compiles:
+            self._step_compiled()
+            return
         ground, before = self.ground[rows], self.z[rows].copy()
-        held = bodies.held[rows] & ~self._come_down_empty()[rows]
-        self.target_z[rows] = np.where(self.wanted_climb[rows] != 0.0, nan, self.target_z[rows])
-        up = ((before > ground) | (self.target_z[rows] > ground)) & (self.armed[rows] > 0.0)
+        empty, up = self._begin()
+        held = bodies.held[rows] & ~empty[rows]
         falls = (before > ground) & (self.armed[rows] == 0.0)
         moves = up & ~held
         turn = self._turn(moves)
@@ -186,6 +190,66 @@ class Flight:
         self._measure(turn / laws.tick)
         self._use(up, np.sqrt(way_x * way_x + way_y * way_y), way_z)
 
+    def _begin(self) -> tuple[Flags, Flags]:
+        """Let those land that have used up what they fly with, and end the ways to heights of those that are driven
+        upwards; gives who of all has used it up, and whom of those that fly motors keep in the air."""
+        rows, empty = self._rows, self._come_down_empty()
+        self.target_z[rows] = np.where(self.wanted_climb[rows] != 0.0, nan, self.target_z[rows])
+        ground, target = self.ground[rows], self.target_z[rows]
+        return empty, ((self.z[rows] > ground) | (target > ground)) & (self.armed[rows] > 0.0)
+
+    @property
+    def compiles(self) -> bool:
+        """Whether compiled code moves them: it knows neither roofs nor planes."""
+        bodies = self._bodies
+        plain = self.wings is None and bodies.population is None
+        return plain and bodies.machine.compiles and not self._roofs
+
+    def _step_compiled(self) -> None:
+        """As `step`."""
+        bodies = self._bodies
+        if self.air:
+            self._be_blown(self.air, self._begin()[1])
+        for laws, power, which in self.hovering:
+            bodies.machine.fly(self.flight_columns, laws, power, which)
+
+    @cached_property
+    def flight_columns(self) -> FlightColumns:
+        """What compiled code changes."""
+        own = {"z", "velocity_x", "velocity_y", "turn_rate", "climb_rate", "armed", "flying", "height"}
+        own |= {"wanted_climb", "target_z"}
+        names, others = FlightColumns._fields, dict(zip(("way_x", "way_y", "way_z"), self.way, strict=True))
+        columns = self.air.columns if self.air else {}
+        for name in ("wind_east", "wind_north", "anchor_x", "anchor_y"):
+            others[name] = columns.get(name, np.empty(0))
+        found = (others[n] if n in others else getattr(self if n in own else self._bodies, n) for n in names)
+        return FlightColumns(*found)
+
+    @cached_property
+    def hovering(self) -> list[tuple[TypeLaws, Power, slice]]:
+        """Of each type that hovers its limits, as single numbers, what flying takes of its stores, and which of all
+        bodies it is."""
+        types = zip(self._bodies.scenario.each_type, self._bodies.of_each_type, strict=True)
+        numbers = [number for number, (spec, which) in enumerate(types) if spec.flight and which.start < which.stop]
+        return [(self._laws_for(n), self._power_of(n), self._bodies.of_each_type[n]) for n in numbers]
+
+    def _laws_for(self, number: int) -> TypeLaws:
+        first, laws = self._bodies.of_each_type[number].start, self._all_laws
+        some = {name: float(getattr(laws, name)[first]) for name in TypeLaws._fields[:7]}
+        left, bottom, right, top = (float(edge[first]) for edge in laws.edges)
+        around_x, around_y = self._bodies.scenario.around
+        edges = left, bottom, right, top
+        return TypeLaws(**some, edges=edges, tick=laws.tick, around_x=around_x, around_y=around_y)
+
+    def _power_of(self, number: int) -> Power:
+        bodies = self._bodies
+        uses, first = bodies.parts[number].uses, bodies.of_each_type[number].start
+        ends, battery = uses != 0.0, -1
+        if self._charge is not None:
+            battery = bodies.store_names.index(BATTERY)
+            ends[battery] |= self.empty is not None
+        return Power(uses, ends, battery, float(self._per_second[first]), float(self._per_climb[first]))
+
     def _is_in_air(self, moves: Flags) -> Flags:
         """Which of those that move may touch the ground in this tick: not planes that roll on it."""
         if self.wings is None:
@@ -204,8 +268,7 @@ class Flight:
         """rad by which each body turns."""
         rows, laws = self._rows, self._laws
         turns = moves & (self._bodies.mode[rows] != GOTO) & (self.target_z[rows] != LANDS)
-        rate = bounded(self._bodies.wanted_turn[rows], -laws.turn_rate, laws.turn_rate)
-        return np.where(turns, rate * laws.tick, 0.0)
+        return flying.turned(laws, turns, self._bodies.wanted_turn[rows])
 
     def _go(self, moves: Flags, up: Flags, heading: Floats) -> tuple[Floats, Floats]:
         """The velocity of each body over the ground."""
@@ -258,13 +321,10 @@ class Flight:
     def _rise(self, moves: Flags, up: Flags, falls: Flags) -> Floats:
         """The climb rate of each body."""
         rows, laws, target = self._rows, self._laws, self.target_z[self._rows]
-        wanted = flying.climbed(laws, self.height[rows], self.z[rows] - GROUND, self.wanted_climb[rows])
-        there = np.isfinite(target)
-        wanted = np.where(there, flying.raised(laws, np.where(there, target, 0.0) - self.z[rows]), wanted)
-        wanted = np.where(target == LANDS, -laws.sink, wanted)
+        climb = flying.climbed(laws, self.height[rows], self.z[rows] - GROUND, self.wanted_climb[rows])
+        wanted = flying.climb_for(laws, target, target - self.z[rows], climb)
         rate = flying.lifted(laws, self.climb_rate[rows], np.where(moves, wanted, 0.0))
-        falling = np.maximum(self.climb_rate[rows] - GRAVITY * laws.tick, -FASTEST_CLIMB)
-        return np.where(up, rate, np.where(falls, falling, 0.0))
+        return np.where(up, rate, np.where(falls, flying.fallen(laws, self.climb_rate[rows]), 0.0))
 
     def _come_down_empty(self) -> Flags:
         """Let those land that have used up what they fly with, whatever holds them; gives which ones."""
@@ -304,10 +364,10 @@ class Flight:
         for spec, part, which in self._each_type():
             for row, use in zip(part.stores, part.uses, strict=True):
                 if use and spec.flight is not None:
-                    row[:] = np.maximum(row - all_ways[which] * use, 0.0)
+                    row[:] = flying.left_of(row, all_ways[which] * use)
         if self._charge is not None:
             used = self._per_second[rows] * self._laws.tick + self._per_climb[rows] * np.maximum(climb, 0.0)
-            self._charge[rows] = np.maximum(self._charge[rows] - np.where(up, used, 0.0), 0.0)
+            self._charge[rows] = flying.left_of(self._charge[rows], np.where(up, used, 0.0))
 
     def crash(self, which: Whole) -> None:
         """Let these fall where they are: their motors stop for good."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from sleepcast.core.model import Quantity
 from sleepcast.simulator.bodies.air import Air
+from sleepcast.simulator.bodies.population import Population
 from sleepcast.simulator.bodies.proximity import Neighbours
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.motion.flying import FlightLaws
@@ -34,6 +35,7 @@ class Grounded(Protocol):
     world: World
     near: Neighbours
     machine: Machine
+    population: Population | None
     radii: Floats
     sensors: tuple[Quantity, ...]
     known: Floats

@@ -15,7 +15,8 @@ import numpy as np
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.robot import FencedError, Limits, hovering
 from sleepcast.simulator.bodies.bodies import Bodies, Flags, Floats, Whole
-from sleepcast.simulator.bodies.flight import LANDS, Flight, fence_of
+from sleepcast.simulator.bodies.flight import Flight, fence_of
+from sleepcast.simulator.motion.flying import LANDS
 from sleepcast.simulator.world.roofs import GROUND
 
 STAYS = "this robot does not fly"

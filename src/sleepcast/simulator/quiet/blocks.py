@@ -25,6 +25,7 @@ from sleepcast.core.memory import same
 from sleepcast.core.records import NamedTuple
 from sleepcast.core.threads import ThreadPool, borders
 from sleepcast.simulator import fast
+from sleepcast.simulator.bodies.closeness import kernels_touching
 from sleepcast.simulator.bodies.proximity import Sonars
 from sleepcast.simulator.motion.steps import SKIN, BodyColumns, Displacement, Settled
 from sleepcast.simulator.quiet import layout as words
@@ -45,14 +46,19 @@ CALLED: tuple[CachedKernel, ...] = (
     *(fast.kernels_motion.stop_at_old, fast.kernels_motion.stop_at_ways),
     *(fast.kernels.count, fast.kernels.begin, fast.kernels.place, fast.kernels.fix),
     *(fast.kernels_sonar.see, fast.kernels.hear, fast.kernels_motion.slide, fast.kernels_motion.displace),
+    *(fast.kernels_flying.fly, kernels_touching.touching),
 )
 """The kernels that a tick calls, in the order of `layout`."""
 
 
 @cache
-def addresses() -> Words:
-    """The addresses of the kernels, for their types of arguments; compiled now if they were not yet."""
-    return np.array([each.address(*given) for each, given in zip(CALLED, words.SAMPLES, strict=True)], np.int64)
+def addresses(*, flies: bool = False) -> Words:
+    """The addresses of the kernels, for their types of arguments; compiled now if they were not yet. flies: also of
+    those for what flies."""
+    called = list(zip(CALLED, words.SAMPLES, strict=True))[: words.KERNELS if flies else words.FLY]
+    found = np.zeros(words.KERNELS, np.int64)
+    found[: len(called)] = [each.address(*given) for each, given in called]
+    return found
 
 
 def compile_ticks() -> None:
@@ -124,7 +130,9 @@ _of_thread = _ThreadScratch()
 def covered(simulator: Simulator) -> bool:
     """Whether the ticks of a world can be made by compiled code alone, as long as nothing comes from outside."""
     scenario, bodies = simulator.scenario, simulator.bodies
-    if bodies.machine.name != "numba" or simulator.payload is not None or bodies.parts[1:] or bodies.flight:
+    if bodies.machine.name != "numba" or simulator.payload is not None or bodies.parts[1:]:
+        return False
+    if bodies.flight is not None and (bodies.flight.air is not None or not bodies.flight.compiles):
         return False
     if scenario.robots.omni:
         return False
@@ -146,7 +154,10 @@ class BodyBlock:
     def __init__(self, simulator: Simulator) -> None:
         self._simulator, self._bodies = simulator, simulator.bodies
         bodies, grid = self._bodies, self._bodies.near.grid
-        self.words: Words = np.zeros(words.LENGTH if bodies.laws.slides else words.BLOCKS[words.SLIDE], np.int64)
+        self.flies = bodies.flight is not None
+        """Whether its bodies do: then ticks end early where they may have touched."""
+        last = words.KERNELS if self.flies else words.FLY if bodies.laws.slides else words.SLIDE
+        self.words: Words = np.zeros(words.BLOCKS[last], np.int64)
         self._reals = self.words.view(np.float64)
         self._points = Sorted(np.zeros(bodies.count, np.int32), np.zeros(grid.cells + 1, np.int32))
         self._close = np.ones(bodies.count, np.bool_)
@@ -167,8 +178,11 @@ class BodyBlock:
     @property
     def suits(self) -> bool:
         """Whether the sonars, if there are any, look ahead of their bodies and fire all at once, as they do unless
-        somebody has arranged them otherwise."""
-        sonars = self._sonars
+        somebody has arranged them otherwise; and whether there is nothing but the ground and each other that what flies
+        may touch."""
+        sonars, flight = self._sonars, self._bodies.flight
+        if flight is not None and (not flight.compiles or len(self._bodies.near.lines)):
+            return False
         return sonars is None or not (sonars.firing.in_order or sonars.turret is not None)
 
     @property
@@ -207,6 +221,8 @@ class BodyBlock:
         """What rules run, and which actuators they assign; none: robots do not think. See `fleet.quiet.QuietRules`."""
         bodies = self._bodies
         wanted = {"drive_speed": bodies.wanted_speed, "drive_turn": bodies.wanted_turn}
+        if bodies.flight is not None:
+            wanted |= {"drive_side": bodies.wanted_side, "drive_climb": bodies.flight.wanted_climb}
         acts = [(*places, wanted[name].ctypes.data) for name, places in actuators.items()]
         self.put("acts", words.ACTS, listed(acts))
         self.put("legs", words.LEGS, listed(legs))
@@ -244,7 +260,12 @@ class BodyBlock:
     def trouble(self) -> int | None:
         """The leg that has left robots to be walked in the tick after those; None for none."""
         leg = int(self.words[words.TROUBLE])
-        return leg - 1 if leg else None
+        return leg - 1 if leg > 0 else None
+
+    @property
+    def touched(self) -> bool:
+        """Whether bodies may have touched in the tick after those, of which only the motion was made."""
+        return int(self.words[words.TROUBLE]) == words.TOUCHED
 
     @property
     def most_steps(self) -> list[int]:
@@ -263,7 +284,7 @@ class BodyBlock:
 
     def make(self) -> None:
         """Make the ticks that are to be made, of this world alone."""
-        kernels_quiet.quiet(np.array([self.address]), addresses(), 0, 1)
+        kernels_quiet.quiet(np.array([self.address]), addresses(flies=self.flies), 0, 1)
 
     def prepare(self) -> None:
         """Bring the block up to date with the world."""
@@ -272,6 +293,9 @@ class BodyBlock:
             self._version = bodies.world.version
             self._simulator.senses.keep_up()
             self._fill()
+        if bodies.flight is not None:
+            bodies.flight.keep_up()
+            self._fill_pairs()
         self.words[words.TICK] = bodies.tick
         self.words[words.SORTED] = bodies.near.knows(self._points)
 
@@ -324,6 +348,18 @@ class BodyBlock:
             self._fill_contact(scratch, proposal, free)
         if self._sonars is not None:
             self._fill_sonars(scratch, self._sonars)
+        if bodies.flight is not None:
+            ((laws, power, which),) = bodies.flight.hovering
+            own[words.FLIES] = 1
+            self._call(words.FLY, bodies.flight.flight_columns, laws, power, which.start, which.stop)
+
+    def _fill_pairs(self) -> None:
+        """Bodies that may touch are listed in arrays that grow."""
+        closeness = self._simulator.closeness
+        assert closeness is not None
+        if self._kept.get("pairs") is not closeness.pairs:
+            self._kept["pairs"] = closeness.pairs
+            self._call(words.TOUCHING, closeness.airborne, closeness.pairs)
 
     def _fill_cells(self, scratch: Scratch) -> None:
         bodies, own, grid = self._bodies, self.words, self._bodies.near.grid
@@ -409,7 +445,8 @@ class BodyBlock:
 
     def _call(self, kernel: int, *arguments: object) -> None:
         """Write the arguments of a kernel."""
-        assert CALLED[kernel].address(*arguments) == addresses()[kernel]  # the types of arguments are those expected
+        expected = addresses(flies=self.flies)[kernel]
+        assert CALLED[kernel].address(*arguments) == expected  # the types of arguments are those of the samples
         begin, end = words.BLOCKS[kernel : kernel + 2]
         self.words[begin:end] = flat(arguments)
 
@@ -464,7 +501,7 @@ class WorldTable:
 
     def make(self, which: Sequence[int]) -> None:
         """Let the worlds with these indices, ascending, make the ticks that they are to make."""
-        called, table, ends = addresses(), self._addresses, self._borders
+        called, table, ends = addresses(flies=any(each.flies for each in self._blocks)), self._addresses, self._borders
         if len(which) < len(self._blocks):
             table = table[list(which)]
             ends = [bisect_left(which, border) for border in ends]

@@ -27,6 +27,7 @@ from sleepcast.simulator.quiet.layout import (
     AT_COUNT_CELLS,
     AT_DISPLACE,
     AT_FIX,
+    AT_FLY,
     AT_GATHER,
     AT_HEAR,
     AT_PLACE,
@@ -35,6 +36,7 @@ from sleepcast.simulator.quiet.layout import (
     AT_SLIDE,
     AT_STOP_AT_OLD,
     AT_STOP_AT_WAYS,
+    AT_TOUCHING,
     AWAKE,
     BEFORE,
     BEFORE_X,
@@ -58,6 +60,8 @@ from sleepcast.simulator.quiet.layout import (
     ECHOES,
     EVERY,
     FIX,
+    FLIES,
+    FLY,
     FORWARD,
     FREE,
     GATHER,
@@ -105,7 +109,9 @@ from sleepcast.simulator.quiet.layout import (
     TEXTS,
     TICK,
     TICKS,
+    TOUCHED,
     TOUCHES,
+    TOUCHING,
     TROUBLE,
     WANTED_ROWS,
     WAYS_REACH,
@@ -137,13 +143,15 @@ stop_at_old, stop_at_ways = calling(types.none, TYPES[STOP_AT_OLD]), calling(typ
 count_cells, begin = calling(types.none, TYPES[COUNT_CELLS]), calling(types.none, TYPES[BEGIN])
 place, fix = calling(types.none, TYPES[PLACE]), calling(types.none, TYPES[FIX])
 see, hear = calling(types.none, TYPES[SEE]), calling(types.none, TYPES[HEAR])
+fly, touching = calling(types.none, TYPES[FLY]), calling(types.int64, TYPES[TOUCHING])
 slide, displace = calling(types.int64, TYPES[SLIDE]), calling(types.none, TYPES[DISPLACE])
 
 
 @strict
 def quiet(table, kernels, first, last):
     """Let the worlds from `first` to `last` (exclusive) make the ticks that they are to make. table: the addresses of
-    their words; kernels: those of the kernels. A world stops early where robots have to be walked."""
+    their words; kernels: those of the kernels. A world stops early where robots have to be walked, or
+    may have touched in the air."""
     for number in range(first, last):
         w = table[number]
         put_word(w, DONE, 0)
@@ -151,6 +159,8 @@ def quiet(table, kernels, first, last):
         while word(w, DONE) < word(w, TICKS):
             act(w)
             advance(w, kernels)
+            if word(w, TROUBLE):
+                break
             told = word(w, EVERY) != 0 and word(w, TICK) % word(w, EVERY) == 0
             final = word(w, DONE) + 1 == word(w, TICKS)
             every = (told and word(w, HEARD) != 0) or (final and word(w, SAMPLED) != 0)
@@ -184,7 +194,28 @@ def act(w):
 
 @part
 def advance(w, kernels):
-    """See `simulation.step`."""
+    """See `Simulator.step`."""
+    if word(w, FLIES):
+        fly(kernels[FLY], w + 8 * AT_FLY)
+    else:
+        drive(w, kernels)
+    go_round(w)
+    put_word(w, SORTED, 0)
+    if word(w, SLIDES):
+        slide_on(w, kernels)
+    drain(w)
+    put_word(w, TICK, word(w, TICK) + 1)
+    if word(w, FLIES) and touching(kernels[TOUCHING], w + 8 * AT_TOUCHING):
+        put_word(w, TROUBLE, TOUCHED)
+        return
+    senses = word(w, SENSES)
+    for number in range(word(senses, 0)):
+        call_once(word(senses, 2 * number + 1), word(senses, 2 * number + 2))
+
+
+@part
+def drive(w, kernels):
+    """Move bodies on the ground, see `simulation.step`."""
     if word(w, DRAWS):
         draw(w)
         put_word(w, LEFT, word(word(w, KEYS), 0))
@@ -195,15 +226,6 @@ def advance(w, kernels):
     if word(w, TOUCHES):
         settle(w, kernels)
     commit(kernels[COMMIT], w + 8 * AT_COMMIT)
-    go_round(w)
-    put_word(w, SORTED, 0)
-    if word(w, SLIDES):
-        slide_on(w, kernels)
-    drain(w)
-    put_word(w, TICK, word(w, TICK) + 1)
-    senses = word(w, SENSES)
-    for number in range(word(senses, 0)):
-        call_once(word(senses, 2 * number + 1), word(senses, 2 * number + 2))
 
 
 @part

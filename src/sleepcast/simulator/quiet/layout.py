@@ -6,18 +6,23 @@ from __future__ import annotations
 import numpy as np
 
 from sleepcast.simulator.motion.driving import Laws
+from sleepcast.simulator.motion.flying import FlightColumns, Power, TypeLaws
 from sleepcast.simulator.motion.steps import BodyColumns, Displacement
+from sleepcast.simulator.motion.touching import Airborne, NearPairs
 
 _R, _W, _S, _B, _F, _U = (np.zeros(1, kind) for kind in ("f8", "i8", "i4", "?", "f4", "u8"))
 _R2, _S2, _F2, _N = np.zeros((1, 1)), np.zeros((1, 1), "i4"), np.zeros((1, 1), "f4"), np.zeros(1, "i1")
 _COLUMNS = BodyColumns._make((_N, _B, *[_R] * 6, _U, _U, *[_R] * 10, _R2, _R))
 _LAWS = Laws._make([0.0] * len(Laws._fields))
 _WAYS = Displacement(_R, _R, _R)
+_FLIERS = FlightColumns._make((_N, _B, *[_R] * 22, _R2, *[_R] * 4))
+_TYPE_LAWS, _POWER = TypeLaws._make((*[0.0] * 7, (0.0,) * 4, *[0.0] * 3)), Power(_R, _B, 0, 0.0, 0.0)
+_AIRBORNE, _PAIRS = Airborne._make((*[_R] * 8, *[0.0] * 3)), NearPairs(_S2, _R, _R, _R, _B, _W, _R, _R2, _S, _S, _S)
 
 PROPOSE, COMMIT, GATHER, STOP_AT_OLD, STOP_AT_WAYS, COUNT_CELLS, BEGIN, PLACE, FIX, SEE, HEAR = range(11)
-SLIDE, DISPLACE = 11, 12
-"""The kernels that a tick calls."""
-KERNELS = 13
+SLIDE, DISPLACE, FLY, TOUCHING = range(11, 15)
+"""The kernels that a tick calls: the last two where something flies."""
+KERNELS = 15
 SAMPLES: tuple[tuple[object, ...], ...] = (
     (_COLUMNS, _LAWS, np.uint64(0), np.uint64(0), np.uint64(0), _WAYS, 0, 0),
     (_COLUMNS, _LAWS, _WAYS, _R, _R, _R, 0, 0),
@@ -35,6 +40,8 @@ SAMPLES: tuple[tuple[object, ...], ...] = (
     (_F2, _W, (0.0, 0.0, np.uint64(0), np.uint64(0)), 0.0, 0.0, _W, _B, _R2, 0),
     (_COLUMNS, _LAWS, _WAYS, _R, _R, _R, 0, 0),
     (_COLUMNS, _LAWS, _WAYS, _R, _R, 0, 0),
+    (_FLIERS, _TYPE_LAWS, _POWER, 0, 0),
+    (_AIRBORNE, _PAIRS),
 )
 """Arguments of each of them, for their types."""
 
@@ -49,8 +56,10 @@ def _size(value: object) -> int:
 # ---- the words of a world
 
 TICK, TICKS, DONE, TROUBLE, COUNT, STEP = range(6)
-"""The number of the tick that bodies are in; ticks that are to be made, and that are made; the leg, from 1, whose rules
-were left in the tick after those because robots have to be walked, else 0; the number of robots; s of a tick."""
+"""The number of the tick that bodies are in; ticks that are to be made, and that are made; why the tick after those is
+not finished: the leg, from 1, whose rules have left robots to be walked, or TOUCHED where bodies may have touched in
+the air, else 0; the number of robots; s of a tick."""
+TOUCHED = -1
 ACTS, STOPPED, MODE = range(6, 9)
 """The address of the actuators that rules assign: how many, then of each the addresses of its values, of who has
 assigned it and of what it commands. The addresses of which bodies are stopped, and of their modes."""
@@ -81,7 +90,9 @@ SLIDES, BEFORE, BEFORE_X, BEFORE_Y = range(44, 48)
 EVERY, MOVES, HEARD = range(48, 51)
 """After how many ticks telemetry is sampled, 0 for never; the address of a list: from where to where it is copied, and
 how many words; whether sonars are wanted then, all of them."""
-HEADER = 51
+FLIES = 51
+"""Whether bodies hover."""
+HEADER = 52
 BLOCKS = tuple(HEADER + sum(sum(map(_size, each)) for each in SAMPLES[:number]) for number in range(KERNELS + 1))
 """Where the arguments of each kernel begin, and the end."""
 LENGTH = BLOCKS[-1]
@@ -112,6 +123,8 @@ ECHO, DROPOUT, WANTED_ROWS = _at(HEAR, 2) + 2, _at(HEAR, 2) + 3, _at(HEAR, 6)
     AT_HEAR,
     AT_SLIDE,
     AT_DISPLACE,
+    AT_FLY,
+    AT_TOUCHING,
     _,
 ) = BLOCKS
 # ---- what is drawn in a tick

@@ -32,7 +32,8 @@ ROOM_NAME = __name__.rpartition(".simd.")[0]
 ROOM = Path(__file__).resolve().parent.parent
 SOURCES = (
     *("*/kernels*.py", "simd/*.py"),
-    *("neighbours/neighbourhood.py", "motion/driving.py", "motion/steps.py", "world/walls.py", "world/sight.py"),
+    *("motion/driving.py", "motion/flying.py", "motion/steps.py", "motion/touching.py"),
+    *("neighbours/neighbourhood.py", "world/walls.py", "world/sight.py", "world/roofs.py"),
     *("sonar/noise.py", "sonar/crosstalk.py", "sonar/fields.py", "laser/beams.py"),
     *("quiet/layout.py", "../core/angles.py", "../core/counter_rng.py"),
 )

@@ -51,10 +51,9 @@ def test_the_same_copters_crash_whoever_is_looked_at(edge: str, speed: float) ->
     assert found[0] == found[1]
 
 
-def look_at(count: int) -> tuple[Closeness, Simulator]:
-    simulator = Simulator(
-        read_scenario(AIR.replace("count = 60", f"count = {count}").format(edge="")), machine=choose("numba", 1)
-    )
+def look_at(count: int, edge: str = "") -> tuple[Closeness, Simulator]:
+    text = AIR.replace("count = 60", f"count = {count}").format(edge=edge)
+    simulator = Simulator(read_scenario(text), machine=choose("numba", 1))
     bodies = simulator.bodies
     assert bodies.flight
     bodies.x[:], bodies.y[:], bodies.flight.z[:] = 6.0, 6.0, np.linspace(2.0, 2.0 + count, count)
@@ -86,3 +85,18 @@ def test_a_crowd_finds_room_or_is_looked_at_as_a_whole(monkeypatch: pytest.Monke
     assert look.pairs.near.shape[1] > 60 * closeness.EACH, "it has grown"
     monkeypatch.setattr(closeness, "MOST", closeness.EACH)
     assert Closeness(simulator.bodies, flight).of(np.arange(60)).tolist() == list(range(60))
+
+
+@pytest.mark.parametrize("edge", ["", 'edge = "torus"'])
+def test_who_has_come_near_since_pairs_were_listed_is_found(edge: str) -> None:
+    """Both were a bit too far from each other to be listed."""
+    pytest.importorskip("numba")
+    look, simulator = look_at(20, edge)
+    bodies, flight = simulator.bodies, simulator.bodies.flight
+    assert flight
+    flight.z[:] = np.linspace(2.0, 62.0, 20)
+    flight.z[7] = flight.z[8]
+    near = 0.0 if edge else 6.0
+    for x_of_7, x_of_8, found in ((0.3, -0.45, []), (0.11, -0.28, [7, 8]), (0.3, -0.45, []), (0.13, -0.26, [7, 8])):
+        bodies.x[7], bodies.x[8] = near + x_of_7, (near + x_of_8) % 12.0
+        assert look.of(np.arange(20)).tolist() == found

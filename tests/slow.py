@@ -95,6 +95,7 @@ SLOW = {
     "scenarios/test_condensation.py": 4,
     "scenarios/test_follow_the_gap.py": 4,
     "scenarios/test_overwhelm.py": 4,
+    "scenarios/test_show.py": 4,
     "cli/test_looks.py": 3,
     "cli/test_main.py": 3,
     "cli/test_rotation.py": 3,

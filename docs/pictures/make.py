@@ -9,6 +9,8 @@ photographed as fast as the machine can; each photograph is shown for as long as
 maze: 100,000 Scouts run the mission of the scenario `maze` for some simulated minutes, recorded and without a page;
 then the recording is shown on the page, and its last moment is photographed.
 
+show: the figures on its page, and what the view in three dimensions shows of its letters and its sphere.
+
 nomads: two Scouts wander through a room, driven by programs, and what the page of their server shows is photographed.
 
 first-study: the figure of docs/howto/first-study.md, by its files and commands.
@@ -68,6 +70,10 @@ WIDE: ViewportSize = {"width": 1400, "height": 1010}
 ADDRESS = re.compile(r"http://\S+")
 WANDERING = 14.0
 """Seconds on the wall until the photograph of the Nomads."""
+SKY: ViewportSize = {"width": 1400, "height": 620}
+"""Of the page with the show: its view in three dimensions is then about a square."""
+OPENING = 3.0
+"""Seconds until the view in three dimensions is there."""
 FINE = 2
 """Pixels of the photograph of the maze for each of the page's: points are half as wide then."""
 
@@ -173,30 +179,46 @@ def bravo() -> None:
 
 
 def maze() -> None:
+    with at_its_end("maze", SECONDS, WIDE, "--robots", str(MANY)) as page:
+        page.locator("#legend", has_text="home").wait_for()  # the groups of that moment are news that come later
+        page.locator("#scrub").blur()  # its ring would reach into the picture
+        taken = page.locator(".world").screenshot()
+    apng.write(FOLDER / "maze.png", [apng.decoded(taken)], [LAST])
+    print(f"maze.png: {(FOLDER / 'maze.png').stat().st_size / 1e6:.2f} MB")
+
+
+@contextmanager
+def at_its_end(scenario: str, seconds: int, size: ViewportSize, *options: str) -> Iterator[Page]:
+    """The page of a recording, at its last moment: so many simulated seconds of a scenario's mission, run without a
+    page."""
     with TemporaryDirectory() as folder:
-        file = Path(folder, "maze.mcap")
-        options = (
-            "--robots",
-            str(MANY),
-            "--seconds",
-            str(SECONDS),
-            "--record",
-            file,
-            "--record-pictures",
-            str(SECONDS),
-        )
-        subprocess.run([sys.executable, "-m", "sleepcast", "run", "maze", *options], check=True)
-        with running("replay", file) as address, opened(address, WIDE, FINE) as page:
+        file = Path(folder, f"{scenario}.mcap")
+        options = (*options, "--seconds", str(seconds), "--record-pictures", str(seconds))
+        subprocess.run([sys.executable, "-m", "sleepcast", "run", scenario, *options, "--record", file], check=True)
+        with running("replay", file) as address, opened(address, size, FINE) as page:
             page.locator("#scrub").press("End")
             page.wait_for_function(f"""() => {{
               const [hours, minutes, seconds] = document.getElementById("clock").textContent.split(":").map(Number);
-              return 3600 * hours + 60 * minutes + seconds >= {SECONDS};
+              return 3600 * hours + 60 * minutes + seconds >= {seconds};
             }}""")
-            page.locator("#legend", has_text="home").wait_for()  # the groups of that moment are news that come later
-            page.locator("#scrub").blur()  # its ring would reach into the picture
-            taken = page.locator(".world").screenshot()
-    apng.write(FOLDER / "maze.png", [apng.decoded(taken)], [LAST])
-    print(f"maze.png: {(FOLDER / 'maze.png').stat().st_size / 1e6:.2f} MB")
+            yield page
+
+
+def show() -> None:
+    figures("show")
+    for name, seconds in (("letters", 60), ("sphere", 110)):
+        with at_its_end("show", seconds, SKY) as page:
+            page.locator("#layers").click()
+            page.locator("#layer-names").uncheck()
+            page.locator("#map").press("v")
+            page.wait_for_timeout(1000 * OPENING)
+            view = page.get_by_role("application", name="View of the robots in three dimensions")
+            for key in ("Shift+ArrowDown", "+"):  # from lower down, and closer
+                view.press(key)
+            taken = view.screenshot()
+        picture = SCENARIOS / "show" / f"{name}.png"
+        apng.write(picture, [apng.decoded(taken)], [LAST])
+        print(f"{picture.name}: {picture.stat().st_size / 1e6:.2f} MB")
 
 
 @contextmanager
@@ -273,6 +295,7 @@ MOMENTS = {
     "recruit-best": 49.0,
     "rehearsal": 20.0,
     "search": 20.0,
+    "show": 110.0,
 }
 """Simulated seconds until the moment of a scenario that is shown; else half of its run."""
 FRAMED = """<style>svg { color: #1c2733; background: #ffffff; font-family: system-ui, sans-serif }
@@ -300,6 +323,7 @@ PICTURES: dict[str, Callable[[], None]] = {
     **{file.parent.name: partial(figures, file.parent.name) for file in sorted(SCENARIOS.glob("*/experiment.toml"))},
     "bravo": bravo,
     "maze": maze,
+    "show": show,
     "nomads": laboratory,
     "stop": stop,
     "sockets": sockets,

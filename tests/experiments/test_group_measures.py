@@ -18,6 +18,12 @@ def group(places: list[tuple[float, float]], headings: list[float] | None = None
     return SwarmSample(x, y, np.array(headings or [0.0] * len(places)), (size, size))
 
 
+def in_space(places: list[tuple[float, float, float]], ways: list[tuple[float, float, float]]) -> SwarmSample:
+    (x, y, z), (east, north, up) = np.array(places, float).T, np.array(ways, float).T
+    pitch = np.arctan2(up, np.hypot(east, north))
+    return SwarmSample(x, y, np.arctan2(north, east), (100.0, 100.0), z, pitch=pitch)
+
+
 def flying(places: list[tuple[float, float, float]], velocities: list[tuple[float, float]]) -> SwarmSample:
     x, y, z = np.array(places, float).T
     return SwarmSample(x, y, np.zeros_like(x), (100.0, 100.0), z, np.array(velocities, float).T)
@@ -25,6 +31,8 @@ def flying(places: list[tuple[float, float, float]], velocities: list[tuple[floa
 
 SQUARE = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)]
 ABOVE = [(10.0, 10.0, 5.0), (10.0, 10.0, 9.0), (13.0, 10.0, 5.0), (60.0, 60.0, 5.0)]
+WHEEL = [(5.0, 1.0, 0.0), (5.0, 0.0, 1.0), (5.0, -1.0, 0.0), (5.0, 0.0, -1.0)]
+"""As SQUARE, upright: across y and z."""
 TWO_GROUPS = [(10.0, 10.0), (11.0, 10.0), (12.0, 10.0), (50.0, 50.0), (51.0, 50.0)]
 
 
@@ -40,6 +48,12 @@ TWO_GROUPS = [(10.0, 10.0), (11.0, 10.0), (12.0, 10.0), (50.0, 50.0), (51.0, 50.
         ("closest", 0.0, group(SQUARE), 2.0**0.5),
         ("closest", 0.0, group(SQUARE)._replace(z=np.array([3.0, 0.0, 3.0, 5.0])), 2.0),
         ("closest", 0.0, group([(1.0, 1.0), (1.0, 1.0)]), 0.0),
+        ("polarization", 0.0, in_space(WHEEL, [(0, 0, 1)] * 4), 1.0),
+        ("polarization", 0.0, in_space(WHEEL, [(0, 1, 0), (0, 0, 2), (0, -1, 0), (0, 0, -2)]), 0.0),
+        ("rotation", 0.0, in_space(WHEEL, [(0, 0, 1), (0, -1, 0), (0, 0, -1), (0, 1, 0)]), 1.0),
+        ("rotation", 0.0, in_space(WHEEL, [(0, 0, 1)] * 4), 0.0),
+        ("gyration", 0.0, in_space(WHEEL, [(0, 0, 1)] * 4), 1.0),
+        ("clusters", 1.5, in_space([(0, 0, 0), (0, 0, 1), (0, 0, 3)], [(1, 0, 0)] * 3), 2.0),
         ("largest_cluster", 1.5, group(TWO_GROUPS), 0.6),
         ("largest_cluster", 0.5, group(TWO_GROUPS), 0.2),
         ("clusters", 1.5, group(TWO_GROUPS), 2.0),

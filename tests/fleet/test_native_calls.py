@@ -31,7 +31,7 @@ CROWD = (
     ('x = "500m"', 'x = "300m"'),
 )
 NEIGHBOURS = f'\n[neighbours]\nreach = "200m"\n{SHARES}'
-ERRORS = {"exact": "", "wrong": "loss = 0.2\nnoise = 0.1\n"}
+ERRORS = {"exact": "", "wrong": "loss = 0.2\nnoise = 0.1\n", "narrow": 'field = "200deg"\nall_round = "20m"\n'}
 SENSES = (
     "(COUNT 90m)", "(MEAN_X 90m)", "(MEAN_Y 60m)", "(MEAN_HEADING 60m)", "(NEAREST_X 90m 2)", "(NEAREST_Y 90m)",
     "(NEAREST_DIST 60m)", "(FARTHEST_DIST 200m)", "(OUTLIER_X 90m)", "(OUTLIER_Y 90m 1)", "(COUNT 60m (MOD id 3))",
@@ -125,6 +125,25 @@ def test_rules_of_copters_are_the_same() -> None:
     assert found[0] == found[1] == found[2]
     assert run.simulator.heights is not None
     assert run.simulator.heights.min() > 0.5, "all fly"
+
+
+def test_rules_of_particles_that_are_blind_behind_are_the_same() -> None:
+    scenario = find_scenario("couzin-3d", Changes(robots=40))
+    rules = (
+        "(RULE fast (SETQ drive_speed (* 0.1 (COUNT 9m))))",
+        "(RULE near (STEER (- (MEAN_X 14m) x) (- (MEAN_Y 14m) y) (- (MEAN_Z 14m) z)))",
+        "(RULE away (WHEN (> (COUNT 2m) 0) (STEER (COS (MEAN_HEADING 2m)) (SIN (MEAN_HEADING 2m)) pitch)))",
+    )
+    found = []
+    for native in (False, True):
+        run = swarm(scenario, native)
+        for rule in rules:
+            desk_of(run).send(rule, everybody=True)
+        for _ in range(60):
+            run.step()
+        found.append(seen(run))
+    assert found[0] == found[1]
+    assert "COUNT" in called(run)
 
 
 def test_native_code_rests_while_copters_look_over_a_wall() -> None:

@@ -271,6 +271,12 @@ class SimulatedFleet(Fleet):
         """True velocity over the ground, to the east and to the north, m/s, shape (2, robots)."""
         return read_only(self.swarm.simulator.bodies.velocity()[:, self._there])
 
+    @property
+    def pitch(self) -> NDArray[np.float64] | None:
+        """How far the direction of each particle points up, rad; None of other robots."""
+        flight = self.swarm.simulator.bodies.flight
+        return None if flight is None or flight.pitch is None else read_only(flight.pitch[self._there].copy())
+
     def __getitem__(self, expression: str) -> NDArray[np.float64]:
         """See `Fleet`: no radio is needed, and nothing changes."""
         self.checked(expression)

@@ -1,7 +1,8 @@
 """Measures of a group as a whole: how closely it keeps together, how much it agrees, how much of the world it covers.
 
     polarization            1 if all robots head the same way, near 0 if each heads anywhere (Vicsek et al. 1995)
-    rotation                1 if all of them circle around their centre in the same sense (Couzin et al. 2002)
+    rotation                1 if all of them circle around their centre in the same sense: the length of the mean of
+                            r x v, r and v unit vectors from the centre and ahead (Couzin et al. 2002)
     gyration                root mean square distance from their centre, m
     closest                 distance between the two that are nearest to each other, in space where they fly, m
     largest_cluster 2m      share of the robots in the largest cluster, in which each is within 2 m of another one
@@ -13,6 +14,8 @@
     close_pairs 2m          share of all pairs of robots whose centres are nearer to each other than that
 
 The last three are order parameters of Vásárhelyi et al. (2018), at one moment; a `time_mean` of them is that of a run.
+
+Of particles they are those of space, but for what is covered and for Voronoi cells, which are those of the map.
 
 An expression after it restricts the group to the robots for which it is true: `largest_cluster 2m (IN bravo)`.
 """
@@ -42,7 +45,8 @@ _TEXT = re.compile(r"(\w+)(?:\s+(\d+(?:\.\d*)?|\.\d+)\s*([a-z]+))?(?:\s+(\(.+))?
 
 class SwarmSample(NamedTuple):
     """Some robots: positions, m, headings, rad, each of shape (robots,), and width and height of their world, m; z, m,
-    0 of what does not fly, or None where nobody does; velocities over the ground, m/s, shape (2, robots)."""
+    0 of what does not fly, or None where nobody does; velocities over the ground, m/s, shape (2, robots); how far the
+    directions of particles point up, rad, None of other robots."""
 
     x: Floats
     y: Floats
@@ -50,21 +54,37 @@ class SwarmSample(NamedTuple):
     size: tuple[float, float]
     z: Floats | None = None
     velocity: Floats = np.zeros((2, 0))
+    pitch: Floats | None = None
+
+    @property
+    def depth(self) -> Floats:
+        """z of particles, m, which have measures of space; 0 of others, which have those of the map."""
+        return np.zeros_like(self.x) if self.z is None or self.pitch is None else self.z
+
+    @property
+    def ahead(self) -> tuple[Floats, Floats, Floats]:
+        """The unit vectors, x, y and z, along which they head."""
+        pitch = np.zeros_like(self.heading) if self.pitch is None else self.pitch
+        level = np.cos(pitch)
+        return np.cos(self.heading) * level, np.sin(self.heading) * level, np.sin(pitch)
 
 
 def polarization(group: SwarmSample, _: float) -> float:
-    return float(np.hypot(np.cos(group.heading).mean(), np.sin(group.heading).mean()))
+    return _length(*(part.mean() for part in group.ahead))
 
 
 def rotation(group: SwarmSample, _: float) -> float:
-    dx, dy = group.x - group.x.mean(), group.y - group.y.mean()
-    distance = np.hypot(dx, dy)
-    turning = dx * np.sin(group.heading) - dy * np.cos(group.heading)
-    return float(abs((turning / np.where(distance > 0.0, distance, 1.0)).mean()))
+    """On the plane x and y of the mean are 0, and its length is what it was without them, to the last bit."""
+    dx, dy, dz = (place - place.mean() for place in (group.x, group.y, group.depth))
+    distance = np.hypot(np.hypot(dx, dy), dz)
+    distance = np.where(distance > 0.0, distance, 1.0)
+    ahead, aside, up = group.ahead
+    moments = dy * up - dz * aside, dz * ahead - dx * up, dx * aside - dy * ahead
+    return _length(*((moment / distance).mean() for moment in moments))
 
 
 def gyration(group: SwarmSample, _: float) -> float:
-    return float(np.sqrt(group.x.var() + group.y.var()))
+    return float(np.sqrt(group.x.var() + group.y.var() + group.depth.var()))
 
 
 def closest(group: SwarmSample, _: float) -> float:
@@ -135,16 +155,21 @@ def read_group_measure(text: str) -> Callable[[SimulatedFleet], float]:
     def measured(fleet: SimulatedFleet) -> float:
         which = is_true(fleet[predicate]) if predicate else slice(None)
         scenario = fleet.swarm.simulator.scenario
-        size, z = (scenario.width, scenario.height), fleet.z[which]
-        group = SwarmSample(fleet.x[which], fleet.y[which], fleet.heading[which], size, z, fleet.velocity[:, which])
-        return measure(group, near) if group.x.size else nan
+        x, y, z, heading = (each[which] for each in (fleet.x, fleet.y, fleet.z, fleet.heading))
+        size, pitch = (scenario.width, scenario.height), fleet.pitch
+        above = (z, fleet.velocity[:, which], None if pitch is None else pitch[which])
+        return measure(SwarmSample(x, y, heading, size, *above), near) if x.size else nan
 
     return measured
 
 
+def _length(x: float, y: float, z: float) -> float:
+    return float(np.hypot(np.hypot(x, y), z))
+
+
 def _clusters(group: SwarmSample, near: float) -> NDArray[np.int32]:
     """The number of each robot's cluster, from 0."""
-    tree = _tree(group.x, group.y)  # says what is missing, if scipy is
+    tree = _tree(group.x, group.y, group.depth)  # says what is missing, if scipy is
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 

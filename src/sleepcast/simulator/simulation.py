@@ -20,6 +20,7 @@ from sleepcast.simulator.bodies.bodies import TURN, Bodies, Flags, Floats, Mode,
 from sleepcast.simulator.bodies.body import TUMBLE, Body, BodySenses, FlyingBody, model_of
 from sleepcast.simulator.bodies.closeness import Closeness
 from sleepcast.simulator.bodies.crashes import crash
+from sleepcast.simulator.bodies.particles import Particles
 from sleepcast.simulator.bodies.payload import Payload
 from sleepcast.simulator.bodies.pilot import Results, pilot_of
 from sleepcast.simulator.bodies.population import Population, Turnover, joined
@@ -107,8 +108,8 @@ class Simulator:
         )
         self.robots = Robots(self.bodies, self.senses, self.model)
         flight = self.bodies.flight
-        self.closeness = None if flight is None else Closeness(self.bodies, flight)
-        """Of flying bodies; None without any."""
+        self.closeness = Closeness(self.bodies, flight) if flight and flight.collides else None
+        """Of flying bodies; None without any that could touch."""
         self._pinged = np.zeros(self.bodies.count, np.uint8)
         self.measuring = Measuring(scenario.measures, scenario.tick, self.bodies.x, self.bodies.y, self._there)
         self._halted = np.zeros(self.bodies.count, bool)
@@ -454,6 +455,11 @@ class Robots(Sequence[Body]):
 
     def climb(self, robots: Whole, speed: Floats) -> Results:
         return pilot_of(self.bodies).climb(robots, speed)
+
+    def steer(self, robots: Whole, x: Floats, y: Floats, z: Floats) -> None:
+        assert isinstance(self.bodies.flight, Particles)
+        free = ~self.bodies.stopped[robots]
+        self.bodies.flight.steer(robots[free], (x[free], y[free], z[free]))
 
     def wander(self, robots: Whole) -> None:
         self.bodies.mode[robots[~self.bodies.stopped[robots]]] = Mode.WANDER

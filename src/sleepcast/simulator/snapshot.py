@@ -209,6 +209,8 @@ def _check(simulator: Simulator) -> None:
     if bodies.flight is not None:
         for name in ("velocity_x", "velocity_y", "wanted_side", "wanted_climb"):
             within(bodies.flight.columns[name], -np.finfo(np.float64).max, np.finfo(np.float64).max, name)
+        if bodies.flight.pitch is not None:
+            within(bodies.flight.pitch, -2.0, 2.0, "pitch")
         if bodies.flight.wings is not None:
             within(bodies.flight.wings.airspeed, 0.0, 10_000.0, "airspeed")
         within(np.nan_to_num(bodies.flight.z), -2.0 * HIGHEST, 2.0 * HIGHEST, "z")

@@ -170,7 +170,7 @@ def _form(spec: RobotSpec) -> str:
     """See `Scene.forms`."""
     if spec.flight is None:
         return "rover"
-    return "plane" if spec.flight.stall else "copter"
+    return "plane" if spec.flight.stall or spec.flight.particle else "copter"
 
 
 def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:

@@ -108,7 +108,7 @@ def _touches(bodies: Bodies, new: Bodies, robot: int, others: Sequence[Floats]) 
     near: Flags = np.sqrt(dx * dx + dy * dy + dz * dz) < others[3] + radius + SKIN
     if bodies.contact is None:
         aloft = (others[2] > GROUND) | (z > GROUND)
-        return bodies.flight is not None and bool((near & aloft).any())
+        return bodies.flight is not None and bodies.flight.collides and bool((near & aloft).any())
     lines = bodies.near.lines
     ends = [lines[:, each] for each in range(4)]
     walls = distance(np.full(len(lines), x), np.full(len(lines), y), *ends) < radius + lines[:, 4] + SKIN

@@ -28,6 +28,7 @@ from sleepcast.core.model import Quantity
 from sleepcast.core.records import NamedTuple
 from sleepcast.simulator.bodies.flight import Flight
 from sleepcast.simulator.bodies.line_of_sight import LineOfSight
+from sleepcast.simulator.bodies.particles import Particles
 from sleepcast.simulator.bodies.population import Population, Turnover
 from sleepcast.simulator.bodies.proximity import Bumpers, Neighbours, SonarGroups, Sonars, StartError, least_cell, reach
 from sleepcast.simulator.bodies.scanner import Scanner
@@ -177,7 +178,9 @@ class Bodies:
         self.stopped, self.held = np.zeros(self.count, bool), np.zeros(self.count, bool)
         self.side_speed: Floats = self.known[names.index(SIDE_SPEED)] if robots.omni else np.zeros(0)
         self.wanted_side = np.zeros(self.count if robots.omni or robots.flight else 0)
-        self.flight = Flight(self) if robots.flight else None
+        self.flight: Flight | None = None
+        if robots.flight:
+            self.flight = Particles(self) if robots.flight.particle else Flight(self)
         """Those that fly; None where none does."""
         wings = self.flight.wings if self.flight else None
         self.takes_speeds: Flags = np.ones(self.count, bool) if wings is None else ~wings.planes

@@ -18,6 +18,7 @@ from sleepcast.core.model import BodyColumn, HostFunction, Quantity, RestState, 
 from sleepcast.core.units import LENGTH, NONE, RATE, SPEED, Dimension
 from sleepcast.robot import Geometry, Reading, RobotModel, Setpoint, hovering
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Floats, Mode, Saying, Whole
+from sleepcast.simulator.bodies.particles import Particles
 from sleepcast.simulator.bodies.pilot import Pilot, Results, pilot_of
 from sleepcast.simulator.bodies.population import Population
 from sleepcast.simulator.scenario.population import hatches, sort_constants
@@ -199,6 +200,14 @@ class Body:
         if results is not None and isinstance(results[0], Exception):
             raise results[0]
 
+    # ---- where robots are particles
+
+    def steer(self, x: float, y: float, z: float) -> None:
+        flight = self._bodies.flight
+        assert isinstance(flight, Particles)
+        if not self.stopped:
+            flight.steer(np.array([self.number]), (np.array([x]), np.array([y]), np.array([z])))
+
     def _population(self) -> Population:
         population = self._bodies.population
         assert population
@@ -279,6 +288,19 @@ FLIGHT_FUNCTIONS = tuple(
     for each in hovering.functions(Body)
 )
 """Where robots fly."""
+PARTICLE_FUNCTIONS = (
+    HostFunction(
+        "STEER",
+        Body.steer,
+        (None, None, None),
+        arguments="x y z",
+        doc="Turns towards this direction at its turn rate, until told another one. How long the vector is does not "
+        "matter; 0 0 0 is straight on.",
+        many=_by("steer"),
+    ),
+    *(each for each in FUNCTIONS if each.name in ("ST", "TK")),
+)
+"""Where robots are particles."""
 OF_PLANES = {
     **hovering.OF_PLANES,
     "TAKEOFF": "Arms, rolls, climbs straight on, and then circles at this height; without one, at that of its type.",
@@ -354,6 +376,8 @@ def _moving(scenario: Scenario) -> tuple[HostFunction, ...]:
     """The functions of bodies on the ground, where there are any, and of those that fly."""
     if scenario.robots.flight is None:
         return FUNCTIONS
+    if scenario.robots.flight.particle:
+        return PARTICLE_FUNCTIONS
     flights = [spec.flight for spec in scenario.each_type]
     flies = (*FLIGHT_FUNCTIONS, *(EMERGENCY_FUNCTIONS if any(each and each.cuts for each in flights) else ()))
     names, rolls = {each.name for each in flies}, None in flights
@@ -435,7 +459,7 @@ def model_of(
                 Quantity("drive_speed", "m/s", -speed, speed, doc="drives at this speed", shown_as=robots.speed_unit),
                 Quantity("drive_turn", "rad/s", -turn, turn, doc="turns at this rate", shown_as="deg/s"),
                 *_sideways(robots),
-            )
+            )[: 1 if robots.flight and robots.flight.particle else None]
             * any(spec.flight is None or not spec.flight.stall for spec in scenario.each_type),
             *actuators,
         ),

@@ -57,10 +57,18 @@ class Flight:
     locked: whether its motors stay off
     """
 
+    collides = True
+    """Whether contact is a crash."""
+    pitch: Floats | None = None
+    """How far each body's own direction points up, rad; None where all look level."""
+
     def __init__(self, bodies: Grounded) -> None:
         self._bodies, count = bodies, bodies.count
         names = [sensor.name for sensor in bodies.sensors]
-        rows = {name: bodies.known[names.index(name)] for name in (*SENSORS, CRASHED)}
+        unsensed = np.zeros(count)  # what particles have no sensors for
+        rows = {
+            name: bodies.known[names.index(name)] if name in names else unsensed.copy() for name in (*SENSORS, CRASHED)
+        }
         self.z, self.turn_rate, self.height = rows["z"], rows["turn_rate"], rows["height"]
         self.climb_rate, self.armed, self.flying = rows["climb_rate"], rows["armed"], rows["flying"]
         self.crashed = rows[CRASHED]

@@ -23,8 +23,10 @@ class NeighbourView:
         self._bodies, self._shared = bodies, shared
         z = None if bodies.flight is None else bodies.flight.z
         self._poses = 3 if z is None else 4
+        self.pitch = None if bodies.flight is None else bodies.flight.pitch
         self.x, self.y, self.heading, self.z, self.shared = bodies.x, bodies.y, bodies.heading, z, shared
-        """Of each robot, m and rad, z None on the plane; and what it shows. The arrays stay the same ones."""
+        """Of each robot, m and rad, z None on the plane, pitch where all look level; and what it shows. The arrays stay
+        the same ones."""
         ticks = nearest_ticks(delay, bodies.scenario.tick)
         self.delayed = ticks > 0
         """Whether they are others than the true ones."""
@@ -33,7 +35,8 @@ class NeighbourView:
             now = self._now()
             self._line, self._out = np.repeat(now[None], ticks, axis=0), now
             self.x, self.y, self.heading = now[:3]
-            self.z, self.shared = None if z is None else now[3], now[self._poses :]
+            self.z, self.pitch = None if z is None else now[3], None if self.pitch is None else now[self._poses]
+            self.shared = now[len(now) - len(shared) :]
 
     @property
     def poses(self) -> tuple[Floats, ...]:
@@ -65,7 +68,7 @@ class NeighbourView:
             yield from (tuple(each[: self._poses]) for each in self._line)
 
     def _now(self) -> Floats:
-        """All that there is to see of robots, shape (rows, robots): their poses, then what they show."""
-        bodies = self._bodies
-        z = () if bodies.flight is None else (bodies.flight.z,)
-        return np.vstack((bodies.x, bodies.y, bodies.heading, *z, self._shared))
+        """All that there is to see of robots, shape (rows, robots): their poses and pitches, then what they show."""
+        bodies, flight = self._bodies, self._bodies.flight
+        above = () if flight is None else (flight.z,) if flight.pitch is None else (flight.z, flight.pitch)
+        return np.vstack((bodies.x, bodies.y, bodies.heading, *above, self._shared))

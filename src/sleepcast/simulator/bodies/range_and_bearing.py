@@ -26,6 +26,7 @@ from sleepcast.core.neighbours import nearest_id
 from sleepcast.core.units import LENGTH, NONE, UNITS, Dimension, is_angle
 from sleepcast.simulator.bodies.bodies import Bodies, Flags, Floats
 from sleepcast.simulator.bodies.body import Body, BodySenses, acting
+from sleepcast.simulator.bodies.field_of_view import FieldOfView
 from sleepcast.simulator.bodies.neighbour_view import NeighbourView
 from sleepcast.simulator.bodies.places import Places
 from sleepcast.simulator.bodies.population import Turnover
@@ -63,6 +64,7 @@ from sleepcast.simulator.neighbours.neighbourhood import (
     question,
 )
 from sleepcast.simulator.neighbours.pairs import NeighbourQuery, Pairs, in_order, length
+from sleepcast.simulator.scenario.flight import PITCH
 from sleepcast.simulator.scenario.signals import NeighbourModel
 from sleepcast.simulator.simd.addresses import addresses
 from sleepcast.simulator.simd.formulas import arc_tangent, rotated, shortest, sine_cosine, wrap
@@ -96,8 +98,10 @@ class RangeAndBearing:
         self._row_of_z = [sensor.name for sensor in bodies.sensors].index("z") if flies else 0
         heights = None if bodies.flight is None else (bodies.flight.z, bodies.sensed[self._row_of_z])
         self._seen = seen = NeighbourView(bodies, self._shared, model.delay)
+        pitch = None if bodies.flight is None else bodies.flight.pitch
+        self._field_of_view = FieldOfView(model, bodies.heading, pitch)
         pose = bodies.x, bodies.y, bodies.heading, *bodies.sensed[:3]
-        tables = (*pose, seen.shared, self._set, heights, seen.poses)
+        tables = (*pose, seen.shared, self._set, heights, seen.poses, pitch)
         sight = bodies.sight.walls if self._hides else SightLines((bodies.scenario.width, bodies.scenario.height))
         self._near = Neighbourhood(bodies.scenario, model, bodies.seed, BodyTables(*tables), sight)
         self._across = bodies.scenario.width + bodies.scenario.height
@@ -269,6 +273,9 @@ class RangeAndBearing:
             return place
         if field == "z" and pairs.dz is not None:
             return self.own_z(pairs.asked)[pairs.robot] + pairs.dz
+        if field == PITCH and self._seen.pitch is not None:
+            pitch: Floats = self._seen.pitch[pairs.other]
+            return pitch
         if field == "distance":
             return pairs.away
         if field == "heading":
@@ -418,6 +425,8 @@ class RangeAndBearing:
         if model.loss:
             drawn = uniform(key(bodies.seed, LOST, bodies.tick), self._tokens(other, first))
             sensed &= drawn >= model.loss
+        if self._field_of_view.is_narrow:
+            sensed &= self._field_of_view.holds(first, dx, dy, dz, away)
         if self._hides:
             asked = np.flatnonzero(sensed)
             seen = other[asked]
@@ -502,12 +511,7 @@ _ASKED: tuple[tuple[str, Dimension, str, Formula | OverPairs], ...] = (
     ("COUNT", NONE, "How many neighbours are within r.", Formula(ONE, TOTAL)),
     ("MEAN_X", LENGTH, "Mean x of the neighbours within r.", Formula(DX, MEAN, FROM_X)),
     ("MEAN_Y", LENGTH, "Mean y of the neighbours within r.", Formula(DY, MEAN, FROM_Y)),
-    (
-        "MEAN_HEADING",
-        NONE,
-        "Direction in which the neighbours within r head on average.",
-        Formula(HEADING, DIRECTION),
-    ),
+    ("MEAN_HEADING", NONE, "Direction in which the neighbours within r head on average.", Formula(HEADING, DIRECTION)),
     ("NEAREST_X", LENGTH, "x of the nearest neighbour within r.", Formula(DX, NEAREST, FROM_X)),
     ("NEAREST_Y", LENGTH, "y of the nearest neighbour within r.", Formula(DY, NEAREST, FROM_Y)),
     (
@@ -530,12 +534,7 @@ _ASKED: tuple[tuple[str, Dimension, str, Formula | OverPairs], ...] = (
         "x of the centroid of what is nearer to this robot than to its neighbours within r, up to r/2 away.",
         lambda near, pairs: near.cells(pairs)[0],
     ),
-    (
-        "CELL_Y",
-        LENGTH,
-        "y of that centroid.",
-        lambda near, pairs: near.cells(pairs)[1],
-    ),
+    ("CELL_Y", LENGTH, "y of that centroid.", lambda near, pairs: near.cells(pairs)[1]),
     (
         "GAP",
         NONE,
@@ -557,11 +556,11 @@ _ASKED_ABOVE = (
 """The same where robots fly."""
 
 
-def neighbour_functions(model: NeighbourModel, *, flies: bool) -> Iterator[HostFunction]:
-    """What expressions may call of robots that sense their neighbours in this way. flies: whether some do."""
-    yield from (_sensing(*each) for each in (*_ASKED, *(_ASKED_ABOVE if flies else ())))
+def neighbour_functions(model: NeighbourModel, above: Mapping[str, str]) -> Iterator[HostFunction]:
+    """What expressions may call of robots that sense their neighbours in this way. above: see `flight.seen_above`."""
+    yield from (_sensing(*each) for each in (*_ASKED, *(_ASKED_ABOVE if above else ())))
     yield _ranking()
-    yield _telling_apart(model, flies=flies)
+    yield _telling_apart(model, above)
     yield _sharing("COLOUR", "number", COLOUR, NONE)
     for row, share in enumerate(model.shares.items(), 1):
         yield from _of_share(row, *share)
@@ -662,7 +661,7 @@ def _ranking() -> HostFunction:
     )
 
 
-def _telling_apart(model: NeighbourModel, *, flies: bool) -> HostFunction:
+def _telling_apart(model: NeighbourModel, above: Mapping[str, str]) -> HostFunction:
     """The function of who is nearest, with all that is sensed of each neighbour by its id."""
 
     def nearest(bodies: Any, robots: Whole, *columns: Floats) -> Floats:
@@ -687,5 +686,5 @@ def _telling_apart(model: NeighbourModel, *, flies: bool) -> HostFunction:
         return _alone(partial(shown, field), body, other)
 
     sense, more = partial(_alone, nearest), model.shares | dict.fromkeys(model.shows_groups, "")
-    more |= {"z": "m"} if flies else {}
+    more |= above
     return nearest_id(sense, list_one, shown_by_one, many=nearest, list_many=lists, field_of_many=shown, more=more)

@@ -24,6 +24,7 @@ from sleepcast.simulator.bodies.predation import Predation, predation_functions
 from sleepcast.simulator.bodies.range_and_bearing import COLOUR, RangeAndBearing, neighbour_functions
 from sleepcast.simulator.bodies.seeing import Eyes, eye_functions
 from sleepcast.simulator.bodies.stocks import Stocks, stock_functions
+from sleepcast.simulator.scenario.flight import seen_above
 from sleepcast.simulator.scenario.groups import seeing
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.signals import FRONT, LIGHT_NAMES, PING_NAMES, REAR, PingModel
@@ -177,8 +178,8 @@ class Senses:
 
 def functions_of(scenario: Scenario) -> tuple[HostFunction, ...]:
     """What expressions may call of the senses of a scenario's robots."""
-    flies = scenario.robots.flight is not None
-    near = neighbour_functions(scenario.neighbours, flies=flies) if scenario.neighbours else ()
+    above = seen_above(scenario.robots.flight)
+    near = neighbour_functions(scenario.neighbours, above) if scenario.neighbours else ()
     world = (*stock_functions(scenario.stocks), *field_functions(scenario.fields))
     return (*near, *eye_functions(scenario), *world, *predation_functions(scenario.predation))
 

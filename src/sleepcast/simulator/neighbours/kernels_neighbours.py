@@ -14,7 +14,7 @@ from math import inf, nan, sqrt
 import numpy as np
 
 from sleepcast.core.angles import CANCELLED
-from sleepcast.simulator.neighbours import neighbourhood
+from sleepcast.simulator.neighbours import kernels_field, neighbourhood
 from sleepcast.simulator.neighbours.neighbourhood import (
     ANGLE,
     AWAY,
@@ -96,6 +96,9 @@ SEEN = kernels_sight.SEEN
     OWN_Y,
     OWN_HEADING,
     OWN_Z,
+    _,
+    _,
+    _,
     VICINITIES,
     FIRST,
 ) = map(int, neighbourhood.Near)
@@ -320,6 +323,10 @@ def show_many(near, quantity, row, robots, others, reach, found):
         away = sqrt(dx * dx + dy * dy)
         if away > reach:
             continue
+        if kernels_field.is_narrow(near):
+            ahead, aside, _ = kernels_field.direction_of(near, robot)
+            if not kernels_field.is_in_field(near, dx * ahead + dy * aside, away):
+                continue
         if long_at(long_at(near, SIGHT), kernels_sight.COUNT) > 0:
             seen_x, seen_y = unrolled(own_x, seen_x, width), unrolled(own_y, seen_y, height)
             if kernels_sight.hidden(long_at(near, SIGHT), own_x, own_y, seen_x, seen_y):
@@ -477,11 +484,11 @@ def gather(vicinity, ball, quantity, fold, row, robot, within, colour, middle_x,
     measured = noise > 0.0 or quantity == AWAY or fold == NEAREST
     seen = stack_room(SEEN)
     walls, discs = around(vicinity, near, robot, least, seen)
-    veiled = walls != 0 or discs != 0
+    veiled, narrow = walls != 0 or discs != 0, kernels_field.is_narrow(near)
     found, other_found, count, best = 0.0, 0.0, 0.0, -inf
     counts = quantity == ONE and fold == TOTAL
     near_only = counts or (quantity == AWAY and fold == NEAREST and noise == 0.0)
-    merely, nearest = near_only and plain and not veiled, every(inf)
+    merely, nearest = near_only and plain and not (veiled or narrow), every(inf)
     line, high, left, right = cells_around(own_x, own_y, size, columns, long_at(vicinity, ROWS), reach)
     own_z, sorted_z, last, rows, span = 0.0, 0, high, 0, 0
     if ball is not None:
@@ -521,6 +528,8 @@ def gather(vicinity, ball, quantity, fold, row, robot, within, colour, middle_x,
                 k = np.int64(whole_at(start, min(line, high - 1) * columns + left))
         if veiled and taken > 0:
             taken = visible(vicinity, near, robot, seen, walls, discs, room, ways, taken)
+        if narrow:
+            taken = kernels_field.in_field(vicinity, ball, near, robot, (own_x, own_y, own_z), room, taken)
         if plain and counts:
             found, count = found + float(taken), count + float(taken)
             continue

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from sleepcast.core.counter_rng import key
 from sleepcast.core.records import NamedTuple
 from sleepcast.simulator.scenario.scenario import Scenario
-from sleepcast.simulator.scenario.signals import NeighbourModel
-from sleepcast.simulator.simd.formulas import LANES, square_within
+from sleepcast.simulator.scenario.signals import WHOLE_TURN, NeighbourModel
+from sleepcast.simulator.simd.formulas import LANES, sine_cosine, square_within
 from sleepcast.simulator.world.grid import Floats, Short, Whole
 from sleepcast.simulator.world.sight import SightLines, SolidsByCell
 from sleepcast.simulator.world.torus import PLAIN, Cells, cells_over
@@ -94,9 +94,15 @@ class Near(IntEnum):
     OWN_Y = 27
     OWN_HEADING = 28
     OWN_Z = 29
-    VICINITIES = 30
+    PITCH = 30
+    """How far the true direction of each robot points up, rad; 0 where all look level."""
+    EDGE = 31
+    """With a point, as the next one: the cosine of the angle to the edge of what is seen, -2 for all sides."""
+    ALL_ROUND = 32
+    """m, within which all sides are sensed."""
+    VICINITIES = 33
     """Vicinities to be kept up to date; their addresses follow from FIRST on."""
-    FIRST = 31
+    FIRST = 34
 
 
 class Of(IntEnum):
@@ -147,6 +153,7 @@ class BodyTables(NamedTuple):
     shared, following: what neighbours see in this tick, and in the next one; shape (rows, robots), colours first
     heights: true and sensed z, m; None where nothing flies
     seen: x, y and heading, and z where something flies, as neighbours see them, if they do not see the true ones
+    pitch: how far the true direction points up, rad; None where all look level
     """
 
     x: Floats
@@ -159,6 +166,7 @@ class BodyTables(NamedTuple):
     following: Floats
     heights: tuple[Floats, Floats] | None = None
     seen: tuple[Floats, ...] | None = None
+    pitch: Floats | None = None
 
     @property
     def own(self) -> tuple[Floats, ...]:
@@ -238,9 +246,13 @@ class Neighbourhood:
         self.table[Near.COUNT], self.table[Near.SHARES] = count, tables.shared.size
         self.table[Near.TURNED], self.table[Near.TORUS] = self.turned, scenario.around != PLAIN
         self.table[Near.SIGHT] = sight.address
+        self._pitch = tables.pitch
+        if tables.pitch is not None:
+            self.table[Near.PITCH] = tables.pitch.ctypes.data
         reals = self.table.view(np.float64)
         reals[Near.WIDTH], reals[Near.HEIGHT] = scenario.around
         reals[Near.LOSS], reals[Near.NOISE] = model.loss, model.noise
+        reals[Near.EDGE], reals[Near.ALL_ROUND] = edge_of(model), model.all_round
         self.chancy = bool(model.loss or model.noise)
         """Whether chance has a part in what robots sense."""
         self._drawn = -1
@@ -324,6 +336,15 @@ def cells_of(scenario: Scenario, count: int, reach: float) -> Cells:
     ceilings = [spec.limits.ceiling for spec in scenario.each_type if spec.flight is not None]
     top = max(ceilings, default=None)
     return cells_over((scenario.width, scenario.height), scenario.around, reach, reach, count, top)
+
+
+ALL_SIDES = -2.0
+"""The `edge_of` who senses on all sides: no cosine is as small."""
+
+
+def edge_of(model: NeighbourModel) -> float:
+    """Cosine of the angle between a robot's own direction and the edge of its field of view."""
+    return float(sine_cosine(np.array(model.field / 2.0))[1]) if model.field < WHOLE_TURN else ALL_SIDES
 
 
 def question(vicinity: Vicinity, formula: Formula, radius: float) -> NDArray[np.int64]:

@@ -1,13 +1,15 @@
-"""What flies: the table [robots.flight], which makes of a body on the ground one that hovers.
+"""What flies: the table [robots.flight], which makes of a body on the ground one that hovers; and particles.
 
-It then has the names of whatever hovers (`robot.hovering`), and the limits of its climb and height beside those of
-[robots.limits].
+What hovers has the names of whatever hovers (`robot.hovering`), and the limits of its climb and height beside those of
+[robots.limits]. A particle, `body.drive = "particle"`, is a point that moves in space: see `bodies.particles`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import inf, pi, tan
+from typing import Any
 
 from sleepcast.core.model import Quantity
 from sleepcast.core.records import dataclass
@@ -29,6 +31,15 @@ LEAST_STALL = 0.1
 """m/s: slower, a plane would be a balloon."""
 MIN_BANK, MAX_BANK = pi / 180.0, 80.0 * pi / 180.0
 """rad: below, a plane does not turn; above, it would need six times its lift."""
+PITCH = "pitch"
+"""How far a particle's direction points up."""
+PARTICLE_SENSORS = ("z", "climb_rate")
+"""What a particle senses of `hovering.sensors`, beside its pitch."""
+PARTICLE = "particle"
+"""As `body.drive`."""
+LEAVE_OUT = f'leave this out, or the drive "{PARTICLE}"'
+PARTICLE_NAMES = (*PARTICLE_SENSORS, PITCH)
+"""The variables that a particle has because it moves in space."""
 NAMES = (*SENSORS, CRASHED, "drive_side", "drive_climb")
 """The variables that it has because it flies."""
 
@@ -46,6 +57,7 @@ class FlightSpec:
     stall: speed below which it does not fly, m/s, of a plane; 0 for what hovers
     bank: greatest one of a plane, rad
     circle: radius in which a plane circles, m
+    particle: whether it is a point that moves in space in its own direction
     """
 
     sink: float
@@ -57,6 +69,28 @@ class FlightSpec:
     stall: float = 0.0
     bank: float = 0.0
     circle: float = 0.0
+    particle: bool = False
+
+
+def read_particle(robots: Table, limits: Limits) -> tuple[FlightSpec, Limits]:
+    """How particles move, and these limits with those of their space."""
+    body = robots.table("body")
+    for key in ("wheels", "sonar", "flight"):
+        if robots.has(key):
+            raise robots.error(key, f"a particle moves by itself and touches nothing: {LEAVE_OUT}")
+    for key in ("bumpers", "sonars"):
+        if body.has(key):
+            raise body.error(key, f"a particle touches nothing and has none: {LEAVE_OUT}")
+    spec = FlightSpec(sink=limits.speed, height=0.0, particle=True)
+    return spec, replace(limits, climb=limits.speed, floor=0.0, ceiling=HIGHEST)
+
+
+def refuse_mixture(tables: Sequence[Table], flights: Sequence[FlightSpec | None]) -> None:
+    """Raise SettingsError where particles share their world with bodies that touch things or stand on the ground."""
+    particles = [flight is not None and flight.particle for flight in flights]
+    if any(particles) and not all(particles):
+        other = tables[particles.index(False)]
+        raise other.error("body", "particles touch nothing and have their world for themselves: leave these robots out")
 
 
 def read_flight(robots: Table, limits: Limits, size: tuple[float, float]) -> tuple[FlightSpec, Limits]:
@@ -82,7 +116,14 @@ def read_flight(robots: Table, limits: Limits, size: tuple[float, float]) -> tup
         return spec, replace(limits, climb=climb, floor=floor, ceiling=ceiling)
 
 
-def _wings(table: Table, limits: Limits, size: tuple[float, float]) -> dict[str, float]:
+def seen_above(flight: FlightSpec | None) -> dict[str, str]:
+    """What robots sense of their neighbours besides because they fly like this: names, each with its unit."""
+    if flight is None:
+        return {}
+    return {"z": "m", PITCH: "rad"} if flight.particle else {"z": "m"}
+
+
+def _wings(table: Table, limits: Limits, size: tuple[float, float]) -> dict[str, Any]:
     """What a plane has besides."""
     stall = table.number("stall", SPEED, low=LEAST_STALL, high=limits.speed)
     bank = table.number("bank", low=MIN_BANK, high=MAX_BANK)
@@ -96,9 +137,12 @@ def _wings(table: Table, limits: Limits, size: tuple[float, float]) -> dict[str,
     return {"stall": stall, "bank": bank, "circle": circle}
 
 
-def flight_sensors(limits: Limits) -> tuple[Quantity, ...]:
+def flight_sensors(flight: FlightSpec, limits: Limits) -> tuple[Quantity, ...]:
     """What bodies sense because they fly; in a simulation, nothing that was measured grows old."""
     known = {each.name: each for each in hovering.sensors(limits, inf)}
+    if flight.particle:
+        pitch = Quantity(PITCH, "rad", -pi / 2.0, pi / 2.0, doc="how far its direction points up", shown_as="deg")
+        return (*(known[name] for name in PARTICLE_SENSORS), pitch)
     above_ground = replace(known["height"], doc="above the ground")
     crashed = Quantity(CRASHED, "", 0.0, 1.0, doc="whether it has touched another one, and lies where it fell")
     return (*(above_ground if name == "height" else known[name] for name in SENSORS), crashed)

@@ -11,7 +11,7 @@ from sleepcast.core.records import NamedTuple, dataclass
 from sleepcast.core.settings import Table, checked_name, shown_key
 from sleepcast.core.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME, UNITS, Dimension
 from sleepcast.robot import Geometry, Limits
-from sleepcast.simulator.scenario.flight import FlightSpec, read_flight
+from sleepcast.simulator.scenario.flight import PARTICLE, FlightSpec, read_flight, read_particle
 from sleepcast.simulator.scenario.groups import RobotGroup
 from sleepcast.simulator.scenario.signals import LIGHT_NAMES, PING_NAMES
 from sleepcast.simulator.scenario.starts import STANDS, Starts, read_starts
@@ -238,7 +238,7 @@ def read_robots(
         omni = is_omni(table)
         ring = _ring(table) if table.has("sonar") else None
         coming = _coming(table, count, groups)
-        flight, limits = read_flight(table, limits, size) if table.has("flight") else (None, limits)
+        flight, limits = _flight(table, limits, size)
         highest = limits.ceiling if flight else 0.0
         if table.has("z") and not flight:
             raise table.error("z", STANDS)
@@ -276,6 +276,13 @@ def read_robots(
             z=(z[0].value, z[1].value),
             omni=omni,
         )
+
+
+def _flight(robots: Table, limits: Limits, size: tuple[float, float]) -> tuple[FlightSpec | None, Limits]:
+    """How they fly, if they do, and these limits with those of flying."""
+    if is_particle(robots):
+        return read_particle(robots, limits)
+    return read_flight(robots, limits, size) if robots.has("flight") else (None, limits)
 
 
 def _wanders(robots: Table, *, flies: bool) -> bool:
@@ -330,10 +337,18 @@ def _limits(robots: Table, size: tuple[float, float]) -> tuple[Limits, str]:
         return Limits(speed.value, turn_rate, acceleration, (0.0, 0.0, *size)), speed.unit or "m/s"
 
 
+def _drive(robots: Table) -> str:
+    return robots.table("body").text("drive", "ahead", choices=("ahead", "omni", PARTICLE))
+
+
+def is_particle(robots: Table) -> bool:
+    """Whether robots of this table are points that move in space."""
+    return _drive(robots) == PARTICLE
+
+
 def is_omni(robots: Table) -> bool:
     """Whether robots of this table drive in every direction. Raises SettingsError where they cannot."""
-    table = robots.table("body")
-    omni = table.text("drive", "ahead", choices=("ahead", "omni")) == "omni"
+    table, omni = robots.table("body"), _drive(robots) == "omni"
     for key, why in (("wheels", "two wheels only drive ahead"), ("flight", "what flies moves in every direction")):
         if omni and robots.has(key):
             raise table.error("drive", f"{why}: leave this out, or [robots.{key}]")

@@ -25,6 +25,7 @@ from sleepcast.simulator.scenario.areas import read_areas
 from sleepcast.simulator.scenario.events import Event, read_events
 from sleepcast.simulator.scenario.fields import Field, field_sensors, read_fields
 from sleepcast.simulator.scenario.flight import NAMES as FLIGHT_NAMES
+from sleepcast.simulator.scenario.flight import PARTICLE_NAMES, refuse_mixture, seen_above
 from sleepcast.simulator.scenario.groups import filled, read_constants, read_groups, refuse_clashes
 from sleepcast.simulator.scenario.measures import MeasureSpec, read_measures
 from sleepcast.simulator.scenario.mission import Order, read_mission
@@ -47,6 +48,7 @@ from sleepcast.simulator.scenario.robot_settings import (
     SIGNAL_NAMES,
     RobotSpec,
     is_omni,
+    is_particle,
     read_count,
     read_robots,
 )
@@ -274,10 +276,12 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> t
         tick = root.number("tick", TIME, 0.1, low=0.001, high=60.0)
         taken = [*BODY_NAMES, *SIGNAL_NAMES, *(f"{place.name}_{axis}" for place in places for axis in "xy")]
         taken += FLIGHT_NAMES if any(table.has("flight") for table in tables) else ()
+        taken += PARTICLE_NAMES if any(is_particle(table) for table in tables) else ()
         taken += OMNI_NAMES if any(is_omni(table) for table in tables) else ()
         local_fields = read_fields(root, size, tick, taken, version)
         taken += [sensor.name for sensor in field_sensors(local_fields)]
         specs = tuple(read_robots(*each, size, taken) for each in zip(tables, counts(), groups, rows, strict=True))
+        refuse_mixture(tables, [spec.flight for spec in specs])
         robots = replace(combined(tables, specs), count=count())
         if robots.count > MAX_ROBOTS:
             raise root.error("robots", f"{robots.count} robots in all; at most {MAX_ROBOTS} fit")
@@ -324,7 +328,7 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> t
             constants=constants,
             lights=lights,
             pings=read_pings(root),
-            neighbours=read_neighbours(root, flies=robots.flight is not None),
+            neighbours=read_neighbours(root, seen_above(robots.flight)),
             fields=local_fields,
             torus=world.torus,
             picture=world.picture,
@@ -340,7 +344,7 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> t
             laser=read_laser(root, version),
             camera=read_camera(root, version),
             predation=read_predation(root, gone=any(spec.hatch for spec in specs)),
-            wind=read_wind(root, size, flies=robots.flight is not None),
+            wind=read_wind(root, size, flies=robots.flight is not None and not robots.flight.particle),
         )
         refuse_many(root, scenario.laser, robots.count)
         refuse_delay(root, scenario.neighbours, robots.count, scenario.tick)

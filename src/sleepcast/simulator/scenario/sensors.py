@@ -45,7 +45,7 @@ def sensors_of(scenario: Scenario) -> tuple[Quantity, ...]:
             if robots.omni
             else ()
         ),
-        *(flight_sensors(robots.limits) if robots.flight else ()),
+        *(flight_sensors(robots.flight, robots.limits) if robots.flight else ()),
         *signal_sensors(scenario.lights, scenario.pings, length),
         *stock_sensors(scenario.stocks, length),
         *field_sensors(scenario.fields),

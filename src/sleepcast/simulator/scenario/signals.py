@@ -10,7 +10,7 @@ pBearing and pCaste, for one tick each; the light in sFlag, sRange and sBearing,
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from math import inf
+from math import inf, pi
 
 from sleepcast.core.model import Quantity
 from sleepcast.core.neighbours import SHOWN
@@ -34,6 +34,7 @@ MAX_QUEUE = 64
 """Pings queued on one robot: at one per tick, the last of them is already stale."""
 SIGHT_SINCE = 2
 """The format of scenarios in which walls hide lights, pings and neighbours, unless it is said otherwise."""
+WHOLE_TURN = 2.0 * pi
 FRONT, REAR = 1.0, -1.0
 """Bearings: within a quarter turn of the heading, or not."""
 LIGHT_NAMES = ("sFlag", "sRange", "sBearing")
@@ -75,6 +76,8 @@ class NeighbourModel:
     shares: the numbers that robots show to their neighbours, by name, each with its unit ("" for a plain number)
     shows_groups: the groups of which neighbours see who is in them
     delay: how old all is that robots sense of neighbours, s
+    field: angle of view around a robot's own direction, rad; a whole turn for all sides
+    all_round: distance within which it senses on all sides, m
     """
 
     reach: float
@@ -83,6 +86,8 @@ class NeighbourModel:
     shares: dict[str, str]
     shows_groups: tuple[str, ...] = ()
     delay: float = 0.0
+    field: float = WHOLE_TURN
+    all_round: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,9 +151,9 @@ def read_pings(root: Table) -> PingModel | None:
         )
 
 
-def read_neighbours(root: Table, *, flies: bool = False) -> NeighbourModel | None:
-    """The table `[neighbours]`, None if there is none. flies: whether robots do, so that each senses others' z."""
-    sensed = (*SENSED, "z") if flies else SENSED
+def read_neighbours(root: Table, above: Iterable[str] = ()) -> NeighbourModel | None:
+    """The table `[neighbours]`, None if there is none. above: what robots that fly sense of others besides."""
+    sensed = (*SENSED, *above)
     if not root.has("neighbours"):
         return None
     with root.table("neighbours") as table:
@@ -159,8 +164,14 @@ def read_neighbours(root: Table, *, flies: bool = False) -> NeighbourModel | Non
             for name in units:
                 if name.casefold() in sensed:
                     raise shares.error(name, "robots sense this of every neighbour; choose another name")
+        if table.has("all_round") and not table.has("field"):
+            raise table.error(
+                "all_round", "without a field robots sense on all sides: leave this out, or say the field"
+            )
         return NeighbourModel(
             reach=table.number("reach", LENGTH, low=0.0),
+            field=table.number("field", default=WHOLE_TURN, low=0.0, high=WHOLE_TURN),
+            all_round=table.number("all_round", LENGTH, 0.0, low=0.0),
             loss=table.number("loss", default=0.0, low=0.0, high=1.0),
             noise=table.number("noise", default=0.0, low=0.0, high=1.0),
             shares=units,

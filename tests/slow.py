@@ -45,6 +45,7 @@ SLOW = {
     "experiments/test_exercises.py": 8,
     "scenarios/test_bravo.py": 8,
     "scenarios/test_couzin.py": 8,
+    "scenarios/test_couzin_3d.py": 8,
     "scenarios/test_flood.py": 8,
     "cli/test_store.py": 8,
     "console/test_lobby.py": 7,

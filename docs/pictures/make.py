@@ -283,6 +283,7 @@ GALLERY = FOLDER / "gallery"
 MOMENTS = {
     "barrier": 156.0,
     "bravo": 120.0,
+    "couzin-3d": 25.0,
     "election": 20.0,
     "explore": 50.0,
     "follow-the-gap": 30.0,

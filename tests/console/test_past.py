@@ -27,11 +27,13 @@ from sleepcast.console.backend import Backend
 from sleepcast.console.connection import encode
 from sleepcast.console.driver import Driver
 from sleepcast.console.features.preview import GetPreview, Previewed
+from sleepcast.console.features.time import ShowMoment
 from sleepcast.console.features.why import Explained, Why, show_why
 from sleepcast.console.marks import clock_time
 from sleepcast.console.past_view import ExactMoment
 from sleepcast.console.recorded_values import RecordedValues
 from sleepcast.console.replay_client import RerunError
+from sleepcast.console.swarm_dialogue import SwarmDialogue
 from sleepcast.console.timeline import news_of
 from sleepcast.core.clock import ManualClock, WallClock
 from sleepcast.core.errors import SleepcastError
@@ -325,6 +327,40 @@ def test_robots_have_the_names_of_then_in_the_past_of_a_run() -> None:
         assert past.timeline.names_at(second) == seen[second]
         (roll,) = (each for each in news_of(past.timeline, second, -1) if isinstance(each, outgoing.Roll))
         assert roll.names == seen[second]
+    past.close()
+
+
+@pytest.mark.parametrize("opened", [0, len(STEPS)], ids=["from the start", "as after a fork"])
+def test_a_page_has_the_names_of_the_time_at_which_it_looks(opened: int) -> None:
+    swarm = swarm_of(read_scenario(FLOCK), seed=1)
+    station, view, clock = desk_of(swarm), SwarmAdapter(swarm), WallClock()
+    past = LivePast(view, swarm, station, clock)
+    past._every = 1
+    pages = []
+    for step, (name, text) in enumerate([*STEPS, ("", "")]):
+        if step == opened:
+            desk = Backend(view, station, Driver(view, Pace(clock, swarm, 1.0), clock), clock, past=past)
+            pages.append(SwarmDialogue(desk))
+        if name:
+            swarm.minds[name].evaluate(text)
+            swarm.step()
+    (page,) = pages
+    shown: list[list[str]] = []
+
+    def hear() -> None:
+        told = map(json.loads, page.news())
+        shown.extend(there(each["names"]) for each in told if each["type"] == "roll")
+
+    async def look() -> None:
+        for second in (0, 3, 1):
+            page.answer(ShowMoment(float(second)))
+            for _ in range(2):  # what is told again and again must not turn to now
+                hear()
+        page.leave()
+        hear()
+
+    asyncio.run(look())
+    assert shown == [[*THERE[0]], [*THERE[3]], [*THERE[1]], [*THERE[-1]]]
     past.close()
 
 

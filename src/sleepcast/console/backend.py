@@ -320,8 +320,8 @@ class Backend:
             version = editor.version if editor else None
             yield outgoing.Obstacles(obstacles.obstacles, version, obstacles.tall)
         names = self.swarm.scene.names
-        if names is not self._first_names:
-            yield outgoing.Roll(names)
+        if names is not self._first_names or (self.past is not None and self.past.timeline.names.times):
+            yield outgoing.Roll(names)  # whoever has looked at the past, before a fork too, has those of then
         yield self.plots.shown()
         yield self._safety()
         self.alerts.look()  # while time stands still there are no pictures

@@ -25,7 +25,15 @@ from sleepcast.console.replay import ReplayBackend
 from sleepcast.console.timeline import rows_at
 from sleepcast.core.errors import MisuseError
 
-OF_THEN = (MissionNews, outgoing.Commands, outgoing.Failing, outgoing.Groups, outgoing.Obstacles, outgoing.WatchedRobot)
+OF_THEN = (
+    MissionNews,
+    outgoing.Commands,
+    outgoing.Failing,
+    outgoing.Groups,
+    outgoing.Obstacles,
+    outgoing.Roll,
+    outgoing.WatchedRobot,
+)
 """News that are those of the time at which a page looks; all other news are of now."""
 
 

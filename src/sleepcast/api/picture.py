@@ -47,6 +47,7 @@ def drawing(swarm: Swarm, label: str) -> str:
     shown = _shown(np.flatnonzero(simulator.there))
     looks = looks_of(swarm)
     parts = [_ground(shape, frame) for shape in simulator.world.shapes.values()]
+    parts += _footprints(swarm, shown, frame)
     pixels = [frame.pixel(x, y) for x, y in zip(simulator.x[shown].tolist(), simulator.y[shown].tolist(), strict=True)]
     headings = (-simulator.bodies.heading[shown]).tolist()
     bodies, rings = dict[int, list[str]](), dict[int, list[str]]()
@@ -133,6 +134,17 @@ def _entry(look: int, name: str, count: int) -> str:
         f'<span><svg width="14" height="14" viewBox="-7 -7 14 14"><path d="{body(look, 0.0, 0.0, 4.5, heading)}" '
         f'fill="{_ink(look)}"/></svg> {escape(name)}: {count:,}</span>'
     )
+
+
+def _footprints(swarm: Swarm, shown: NDArray[np.intp], frame: _Frame) -> list[str]:
+    """What cameras that look down see of the ground."""
+    simulator, reaches = swarm.simulator, swarm.simulator.footprints
+    if reaches is None:
+        return []
+    columns = (each[shown[reaches[shown] > 0.0]].tolist() for each in (simulator.x, simulator.y, reaches))
+    discs = ((*frame.pixel(x, y), reach * frame.scale) for x, y, reach in zip(*columns, strict=True))
+    look = 'fill="currentColor" opacity="0.1"'
+    return ['<circle cx="{:.1f}" cy="{:.1f}" r="{:.1f}" '.format(*disc) + f"{look}/>" for disc in discs]
 
 
 def _ground(shape: Shape, frame: _Frame) -> str:

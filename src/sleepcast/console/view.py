@@ -101,6 +101,8 @@ class Scene(msgspec.Struct, frozen=True):
     sizes: how many robots have bodies of which radius (m), in the order of their indices
     kinds: what those of each size are called, empty where all are of one kind
     forms: what those of each size look like in three dimensions: "copter", "plane" or "rover"; empty where none flies
+    cameras: how much farther those of each size see below them with each metre of height, 0 of those without a camera;
+        empty where none has one
     places, lights: where they are, with their names
     areas: those that robots know by name from the start, and ways
     obstacles: each is what lies inside an odd number of its closed outlines, lists of corners (x, y) in m
@@ -125,6 +127,7 @@ class Scene(msgspec.Struct, frozen=True):
     sizes: tuple[tuple[int, float], ...]
     kinds: tuple[str, ...] = msgspec.field(default=(), name="sorts")
     forms: tuple[str, ...] = ()
+    cameras: tuple[float, ...] = ()
     places: tuple[MapLabel, ...] = ()
     lights: tuple[MapLabel, ...] = ()
     areas: tuple[NamedOutline, ...] = ()

@@ -20,6 +20,7 @@ from sleepcast.simulator.bodies.bodies import TURN, Bodies, Flags, Floats, Mode,
 from sleepcast.simulator.bodies.body import TUMBLE, Body, BodySenses, FlyingBody, model_of
 from sleepcast.simulator.bodies.closeness import Closeness
 from sleepcast.simulator.bodies.crashes import crash
+from sleepcast.simulator.bodies.looking_down import DownCameras
 from sleepcast.simulator.bodies.particles import Particles
 from sleepcast.simulator.bodies.payload import Payload
 from sleepcast.simulator.bodies.pilot import Results, pilot_of
@@ -154,6 +155,12 @@ class Simulator:
             return None
         z = np.nan_to_num(self.bodies.flight.z)
         return z if self.population is None else np.where(self.population.present, z, np.nan)
+
+    @property
+    def footprints(self) -> Floats | None:
+        """How far from the point below it each robot's camera sees the ground, m, for whoever draws it: 0 of those that
+        have none; None where nobody has one."""
+        return self.senses.of(DownCameras).footprints if self.scenario.robots.camera else None
 
     @property
     def sayings(self) -> list[Saying]:

@@ -29,6 +29,7 @@ from sleepcast.simulator.scenario.flight import HIGHEST, MAX_BANK, MIN_BANK
 from sleepcast.simulator.scenario.population import delayed_rows, rooms
 from sleepcast.simulator.scenario.robot_settings import (
     LEAST,
+    LEAST_ANGLE,
     MAX_BUMPERS,
     MAX_ORDER,
     MAX_PAUSE,
@@ -38,6 +39,7 @@ from sleepcast.simulator.scenario.robot_settings import (
     MAX_TICKS,
     MAX_TIME,
     MAX_WORLD,
+    WIDEST_ANGLE,
     WIDEST_BEAM,
     RobotSpec,
 )
@@ -330,6 +332,7 @@ def _bounds_of(robots: RobotSpec) -> Iterator[tuple[str, float, float, float]]:
         yield "m as a circle", robots.flight.circle, 0.0, HIGHEST
         yield "m/s in a landing", robots.flight.sink, LEAST, 10_000.0
         yield "m as a ceiling", robots.limits.ceiling, robots.limits.floor, HIGHEST
+        yield "rad of a camera", robots.camera, LEAST_ANGLE if robots.camera else 0.0, WIDEST_ANGLE
     yield "stores", len(robots.stores), 0, MAX_STORES
     yield "sonars", robots.geometry.sonars, 0, 360
     yield "bumpers", robots.bumpers, 0, MAX_BUMPERS

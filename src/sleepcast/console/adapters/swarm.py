@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
-from math import atan2, cos, hypot, inf, pi, sin
+from math import atan2, cos, hypot, inf, pi, sin, tan
 from typing import cast
 
 import msgspec
@@ -189,6 +189,7 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
             for spec, part in zip(sorts, slices(sorts, len(names)), strict=True)
         ),
         forms=tuple(map(_form, sorts)) if scenario.robots.flight else (),
+        cameras=tuple(tan(spec.camera / 2.0) for spec in sorts) if scenario.robots.camera else (),
         kinds=tuple(spec.type for spec in scenario.each_type) if len(scenario.each_type) > 1 else (),
         places=tuple(MapLabel(each.title, each.x, each.y, each.name) for each in scenario.named_points),
         areas=tuple(NamedOutline(area.name, _outline(area)) for area in scenario.areas),

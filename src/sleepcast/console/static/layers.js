@@ -9,6 +9,7 @@ export const SWARM_LAYERS = [
   { name: "trails", title: "Trails", key: "T", on: true },
   { name: "names", title: "Names", on: true },
   { name: "height", title: "Height", on: true, hint: "How high robots fly: a disc behind each, and the scale of its shades" },
+  { name: "footprints", title: "Footprints of cameras", on: true, hint: "What robots that fly see of the ground below them" },
   { name: "picture", title: "Picture under the map", on: true, hint: "That of the scenario's map, or one that you choose" },
   { name: "field", title: "Field", on: true, hint: "What fills the world, such as a scent, with its scale" },
   { name: "pings", title: "Pings", on: true },

@@ -12,6 +12,7 @@ import { alternatePoses } from "./alternate.js";
 import { FieldLayer } from "./field.js";
 import { Glance } from "./glance.js";
 import { SWARM_LAYERS } from "./layers.js";
+import { FootprintLayer } from "./footprints.js";
 import { HeightLayer } from "./height.js";
 import { Legend } from "./legend.js";
 import { Lights } from "./light.js";
@@ -60,6 +61,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
   const replies = new Replies(world, wire);
   const elsewhere = () => ["past", "replay"].some((name) => document.body.classList.contains(name));
   const field = new FieldLayer(world, wire, find("field-scale"), find("layer-menu"), elsewhere);
+  const footprints = new FootprintLayer(world, find("layer-menu"));
   new HeightLayer(world, find("height-scale"));
   const senses = new Senses(world, wire);
   const sight = new SightLayer(world, wire, find("layer-menu"));
@@ -107,6 +109,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
     table.setScene(scene);
     field.setScene(scene);
     sight.setScene(scene);
+    footprints.setScene(scene);
     prompt.setNames(hello.names);
     prompt.setOperators(hello.operators ?? []);
     sentence.setNoun(scene.noun);

@@ -199,6 +199,7 @@ class Bodies:
         laser, camera = scenario.laser, scenario.camera
         widest = float(self.radii.max())
         farthest = max([farthest, laser.reach + widest if laser else 0.0, camera.reach if camera else 0.0])
+        farthest = max([farthest, *(spec.footprint for spec in specs)])
         self.near = Neighbours(size, cell, self.count, self.world, machine, scenario.around, farthest, there)
         self.contact = Bumpers(self.radii, far, self.near, machine) if robots.bumpers else None
         self.sonars = self._make_sonars(self.sensed[own:], cones)

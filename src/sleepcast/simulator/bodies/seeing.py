@@ -10,18 +10,61 @@ from typing import Any
 import numpy as np
 
 from sleepcast.core.model import HostFunction
+from sleepcast.core.records import NamedTuple
 from sleepcast.core.units import LENGTH, NONE
-from sleepcast.simulator.bodies.bodies import Bodies, Floats
+from sleepcast.simulator.bodies.bodies import Bodies, Flags, Floats
 from sleepcast.simulator.bodies.body import Body
 from sleepcast.simulator.bodies.range_and_bearing import COLOUR, RangeAndBearing
 from sleepcast.simulator.laser.sectors import gap, least, within
-from sleepcast.simulator.scenario.scanners import CameraModel
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.simd.formulas import arc_tangent
 from sleepcast.simulator.world.grid import Whole, candidates, spread
 
 MAX_PAIRS = 1 << 20
 """Pairs of robots that cameras look at together: some hundred megabytes."""
+
+
+class Nearby(NamedTuple):
+    """Pairs of robots near each other.
+
+    row: which of the questions it is about
+    robot, other: who asks, and who is near it
+    dx, dy: how far the other one is to the east and to the north, m; on a torus the shortest way
+    """
+
+    row: Whole
+    robot: Whole
+    other: Whole
+    dx: Floats
+    dy: Floats
+
+    def part(self, some: Flags) -> Nearby:
+        """Some of them."""
+        return Nearby(self.row[some], self.robot[some], self.other[some], self.dx[some], self.dy[some])
+
+
+def others_near(bodies: Bodies, robots: Whole, reach: float) -> Iterator[Nearby]:
+    """Each of these robots, of which one may ask several times, with all others within `reach` m of it over the ground,
+    for some of the questions after the other."""
+    images, points = bodies.near.images(bodies.x, bodies.y), bodies.near.points(bodies.x, bodies.y)
+    chances = candidates(bodies.near.grid, points, images.x[robots], images.y[robots], reach)
+    block = np.cumsum(chances) // MAX_PAIRS
+    ends = [0, *(np.flatnonzero(np.diff(block)) + 1).tolist(), len(robots)]
+    for begin, end in pairwise(ends):
+        asked = robots[begin:end]
+        robot, other = bodies.machine.pairs(bodies.near.grid, points, images.x, images.y, reach, np.unique(asked))
+        by_robot = np.argsort(asked, kind="stable")
+        first, last = (np.searchsorted(asked[by_robot], robot, side) for side in ("left", "right"))
+        pair, place = spread(np.arange(len(robot)), first, last)
+        robot, other = robot[pair], other[pair]
+        dx, dy = images.x[other] - images.x[robot], images.y[other] - images.y[robot]
+        yield Nearby(begin + by_robot[place], robot, images.whose(other), dx, dy)
+
+
+def in_sight(bodies: Bodies, pairs: Nearby) -> Flags:
+    """In which of these pairs nothing hides the other one."""
+    x, y = bodies.x[pairs.other], bodies.y[pairs.other]
+    return ~bodies.sight.hidden(pairs.robot, x, y, walls=True, senders=pairs.other)
 
 
 class Eyes:
@@ -45,38 +88,17 @@ class Eyes:
     def seen(self, robots: Whole, colour: Floats, first: Floats, last: Floats) -> Floats:
         """How many others that show this colour each of these robots sees in the sector from `first` to `last` (rad,
         counter-clockwise from its heading): their centres are within the camera's range, and nothing hides them."""
-        bodies, camera = self._bodies, self._bodies.scenario.camera
+        bodies, camera, near = self._bodies, self._bodies.scenario.camera, self._near
         assert camera
-        images = bodies.near.images(bodies.x, bodies.y)
-        points = bodies.near.points(bodies.x, bodies.y)
-        chances = candidates(bodies.near.grid, points, images.x[robots], images.y[robots], camera.reach)
-        block = np.cumsum(chances) // MAX_PAIRS
-        ends = [0, *(np.flatnonzero(np.diff(block)) + 1).tolist(), len(robots)]
-        found = np.zeros(len(robots))
-        for begin, end in pairwise(ends):
-            some = slice(begin, end)
-            found[some] = self._seen_by(camera, robots[some], colour[some], first[some], last[some])
-        return found
-
-    def _seen_by(self, camera: CameraModel, robots: Whole, colour: Floats, first: Floats, last: Floats) -> Floats:
-        """As `seen`, for some robots, of which one may ask several times: for each of its neighbours."""
-        bodies, near = self._bodies, self._near
         assert near
-        images, grid = bodies.near.images(bodies.x, bodies.y), bodies.near.grid
-        points, asking = bodies.near.points(bodies.x, bodies.y), np.unique(robots)
-        robot, other = bodies.machine.pairs(grid, points, images.x, images.y, camera.reach, asking)
-        by_robot = np.argsort(robots, kind="stable")
-        begin, end = (np.searchsorted(robots[by_robot], robot, side) for side in ("left", "right"))
-        pair, place = spread(np.arange(len(robot)), begin, end)
-        robot, other, row = robot[pair], other[pair], by_robot[place]
-        dx, dy = images.x[other] - images.x[robot], images.y[other] - images.y[robot]
-        other = images.whose(other)
-        bearing = arc_tangent(dy, dx) - bodies.heading[robot]
-        matched = (near.shows(COLOUR, other) == colour[row]) & within(bearing, first[row], last[row])
-        robot, other, row = robot[matched], other[matched], row[matched]
-        hidden = bodies.sight.hidden(robot, bodies.x[other], bodies.y[other], walls=True, senders=other)
-        seen: Floats = np.bincount(row[~hidden], minlength=len(robots)).astype(np.float64)
-        return seen
+        found = np.zeros(len(robots))
+        for pairs in others_near(bodies, robots, camera.reach):
+            bearing = arc_tangent(pairs.dy, pairs.dx) - bodies.heading[pairs.robot]
+            row = pairs.row
+            shown = near.shows(COLOUR, pairs.other) == colour[row]
+            pairs = pairs.part(shown & within(bearing, first[row], last[row]))
+            found += np.bincount(pairs.part(in_sight(bodies, pairs)).row, minlength=len(robots))
+        return found
 
 
 SCAN = "Angles are counter-clockwise from the heading."

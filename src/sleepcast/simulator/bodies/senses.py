@@ -19,6 +19,7 @@ from sleepcast.core.model import HostFunction
 from sleepcast.simulator.bodies.bodies import Bodies, Floats
 from sleepcast.simulator.bodies.body import Sense
 from sleepcast.simulator.bodies.local_fields import LocalFields, field_functions
+from sleepcast.simulator.bodies.looking_down import DownCameras, down_functions
 from sleepcast.simulator.bodies.population import Turnover
 from sleepcast.simulator.bodies.predation import Predation, predation_functions
 from sleepcast.simulator.bodies.range_and_bearing import COLOUR, RangeAndBearing, neighbour_functions
@@ -63,7 +64,8 @@ class Senses:
         if scenario.predation is not None and self._near is not None:
             self.predation = Predation(bodies, scenario.predation, self._near)
         eyes = Eyes(bodies, self._near) if scenario.laser or scenario.camera else None
-        parts = (self._near, self.stocks, self._fields, self.predation, eyes)
+        cameras = DownCameras(bodies, self._near) if scenario.robots.camera else None
+        parts = (self._near, self.stocks, self._fields, self.predation, eyes, cameras)
         self._parts: dict[type, object] = {type(part): part for part in parts if part}
 
     def of(self, kind: type[Sense]) -> Sense:
@@ -181,7 +183,13 @@ def functions_of(scenario: Scenario) -> tuple[HostFunction, ...]:
     above = seen_above(scenario.robots.flight)
     near = neighbour_functions(scenario.neighbours, above) if scenario.neighbours else ()
     world = (*stock_functions(scenario.stocks), *field_functions(scenario.fields))
-    return (*near, *eye_functions(scenario), *world, *predation_functions(scenario.predation))
+    return (
+        *near,
+        *eye_functions(scenario),
+        *down_functions(scenario),
+        *world,
+        *predation_functions(scenario.predation),
+    )
 
 
 class _PingReceiver:

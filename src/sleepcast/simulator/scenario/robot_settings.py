@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from math import inf, pi
+from math import inf, pi, tan
 
 from sleepcast.core.quantities import Measure
 from sleepcast.core.records import NamedTuple, dataclass
@@ -42,6 +42,8 @@ LEAST = 1e-6
 """Least value of anything that must be above zero, in SI."""
 WIDEST_BEAM = pi / 2
 """Widest opening of a sonar cone, rad: wider ones would look backwards."""
+LEAST_ANGLE, WIDEST_ANGLE = pi / 180.0, 170.0 * pi / 180.0
+"""Opening of a camera that looks down, rad: wider ones would see as far as the horizon."""
 INCH = 0.0254
 TENTH = INCH / 10
 """Unit of length in a Nomad's commands, m."""
@@ -169,6 +171,7 @@ class RobotSpec:
     flight: None for bodies on the ground
     z: of the start, m, uniform as x and y
     omni: whether it drives in every direction, on the ground
+    camera: opening angle of a camera that looks down, rad; 0 without one
     """
 
     type: str
@@ -195,6 +198,12 @@ class RobotSpec:
     flight: FlightSpec | None = None
     z: tuple[float, float] = (0.0, 0.0)
     omni: bool = False
+    camera: float = 0.0
+
+    @property
+    def footprint(self) -> float:
+        """How far from the point below it the camera of such a robot sees at most, m."""
+        return self.limits.ceiling * tan(self.camera / 2.0) if self.camera else 0.0
 
 
 def read_count(robots: Table, groups: tuple[RobotGroup, ...], rows: Sequence[Table] | None) -> int:
@@ -275,6 +284,7 @@ def read_robots(
             flight=flight,
             z=(z[0].value, z[1].value),
             omni=omni,
+            camera=_camera(table, flies=flight is not None) if table.has("camera") else 0.0,
         )
 
 
@@ -283,6 +293,15 @@ def _flight(robots: Table, limits: Limits, size: tuple[float, float]) -> tuple[F
     if is_particle(robots):
         return read_particle(robots, limits)
     return read_flight(robots, limits, size) if robots.has("flight") else (None, limits)
+
+
+def _camera(robots: Table, *, flies: bool) -> float:
+    """The opening angle of a camera that looks down."""
+    if not flies:
+        why = "it looks down from above, and these robots do not fly: leave it out, or give them [robots.flight]"
+        raise robots.error("camera", why)
+    with robots.table("camera") as table:
+        return table.number("angle", low=LEAST_ANGLE, high=WIDEST_ANGLE)
 
 
 def _wanders(robots: Table, *, flies: bool) -> bool:

@@ -30,7 +30,7 @@ FORMAT = 1
 TYPES = Path(__file__).parent.parent / "types"
 MAX_TYPES = 8
 """Types of robots in one world: motion and sonar of each type are computed separately."""
-MADE = ("limits", "body", "wheels", "sonar", "stores", "wander", "flight")
+MADE = ("limits", "body", "wheels", "sonar", "stores", "wander", "flight", "camera")
 """What a type defines; the scenario defines how many robots there are, and where."""
 
 
@@ -105,6 +105,7 @@ def combined(tables: Sequence[Table], specs: Sequence[RobotSpec]) -> RobotSpec:
         starts=(),
         flight=next((spec.flight for spec in specs if spec.flight), None),
         omni=any(spec.omni for spec in specs),
+        camera=max(spec.camera for spec in specs),
         groups=tuple(group for spec in specs for group in spec.groups or (RobotGroup(spec.type, spec.count, {}),)),
     )
 

@@ -1,10 +1,12 @@
 """The laser scanner and the camera of robots, as a scenario file describes them.
 
-`bodies.scanner` and `bodies.camera` simulate them; expressions ask them by functions.
+`bodies.scanner` and `bodies.seeing` simulate them, and `bodies.looking_down` the cameras of what flies, whose angle is
+a key of [robots]; expressions ask them by functions.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from math import pi
 
 import numpy as np
@@ -109,6 +111,16 @@ def read_camera(root: Table, version: int) -> CameraModel | None:
         raise root.error("camera", "robots show colours to their neighbours: add a table [neighbours] with its reach")
     with root.table("camera") as table:
         return CameraModel(table.number("range", LENGTH, low=LEAST, high=MAX_WORLD))
+
+
+def refuse_blind(root: Table, tables: Iterable[Table], version: int) -> None:
+    """Raise SettingsError for a camera of a robot that looks down where there is nothing that it could see."""
+    for table in tables:
+        if table.has("camera"):
+            _refuse_old(table, "camera", version)
+            if not (root.has("neighbours") or root.has("lights")):
+                why = "it sees lights, and robots by what they show: add a table [neighbours] with its reach, or lights"
+                raise table.error("camera", why)
 
 
 def _refuse_old(root: Table, key: str, version: int) -> None:

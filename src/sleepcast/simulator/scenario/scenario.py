@@ -53,7 +53,14 @@ from sleepcast.simulator.scenario.robot_settings import (
     read_robots,
 )
 from sleepcast.simulator.scenario.robot_types import combined, given_names, names_of, robot_tables, slices
-from sleepcast.simulator.scenario.scanners import CameraModel, LaserModel, read_camera, read_laser, refuse_many
+from sleepcast.simulator.scenario.scanners import (
+    CameraModel,
+    LaserModel,
+    read_camera,
+    read_laser,
+    refuse_blind,
+    refuse_many,
+)
 from sleepcast.simulator.scenario.signals import (
     SIGHT_SINCE,
     THROUGH_ALL,
@@ -348,6 +355,7 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> t
         )
         refuse_many(root, scenario.laser, robots.count)
         refuse_delay(root, scenario.neighbours, robots.count, scenario.tick)
+        refuse_blind(root, tables, version)
         if scenario.torus:
             _check_torus(root, scenario)
         return scenario, world.drawn
@@ -361,6 +369,7 @@ def _check_torus(root: Table, scenario: Scenario) -> None:
     signals = [
         each.reach for each in (scenario.pings, scenario.neighbours, scenario.camera, scenario.predation) if each
     ]
+    signals += [spec.footprint for spec in scenario.each_type]
     beams = [scenario.laser.reach + max(spec.geometry.radius for spec in scenario.each_type)] if scenario.laser else []
     for far, what in (
         (bodies, "their bodies move"),

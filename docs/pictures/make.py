@@ -290,12 +290,14 @@ MOMENTS = {
     "formations": 115.0,
     "leave-room": 15.0,
     "line-sweep": 200.0,
+    "mixed": 65.0,
     "opening": 15.0,
     "overwhelm": 44.0,
     "recruit": 50.0,
     "recruit-best": 49.0,
     "rehearsal": 20.0,
     "search": 20.0,
+    "search-from-above": 40.0,
     "show": 110.0,
 }
 """Simulated seconds until the moment of a scenario that is shown; else half of its run."""

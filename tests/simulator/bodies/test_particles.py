@@ -245,6 +245,7 @@ def test_random_schools_sense_the_same_with_and_without_kernels(edge: str, chanc
     ("old", "new", "sentence"),
     [
         ('like = "particle"', 'like = "particle"\nbody.bumpers = 1', "touches nothing"),
+        ('like = "particle"', 'like = "particle"\ncamera = { angle = "60deg" }', "has none of this"),
         ('like = "particle"', 'like = "particle"\nflight.climb = "1m/s"', "moves by itself"),
         ("[neighbours]", '[wind]\nuniform = { x = "1m/s" }\n[neighbours]', "only robots that fly"),
         ('reach = "20m"', 'reach = "20m"\n[neighbours.shares]\npitch = ""', "robots sense this"),

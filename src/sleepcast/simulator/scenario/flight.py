@@ -75,9 +75,9 @@ class FlightSpec:
 def read_particle(robots: Table, limits: Limits) -> tuple[FlightSpec, Limits]:
     """How particles move, and these limits with those of their space."""
     body = robots.table("body")
-    for key in ("wheels", "sonar", "flight"):
+    for key in ("wheels", "sonar", "flight", "camera"):
         if robots.has(key):
-            raise robots.error(key, f"a particle moves by itself and touches nothing: {LEAVE_OUT}")
+            raise robots.error(key, f"a particle moves by itself and has none of this: {LEAVE_OUT}")
     for key in ("bumpers", "sonars"):
         if body.has(key):
             raise body.error(key, f"a particle touches nothing and has none: {LEAVE_OUT}")

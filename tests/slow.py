@@ -67,6 +67,7 @@ SLOW = {
     "language/test_differential.py": 6,
     "nomad/bridge/test_robot.py": 6,
     "scenarios/test_calibrate.py": 6,
+    "scenarios/test_vasarhelyi.py": 6,
     "simulator/sonar/test_crosstalk.py": 6,
     "cli/test_demo.py": 5,
     "cli/test_ends.py": 5,

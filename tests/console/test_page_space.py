@@ -8,8 +8,10 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from PIL import Image
 from playwright.sync_api import BrowserContext, Page, expect
@@ -19,7 +21,7 @@ from console.running import PATIENCE, Program
 from console.test_page import opened, pixels, pixels_seen, until
 from sleepcast.console.adapters.swarm import scene_of
 from sleepcast.console.page_parts import STATIC
-from sleepcast.simulator import read_scenario
+from sleepcast.simulator import load, read_scenario
 from small_worlds import write
 
 browser = pytest.mark.browser
@@ -38,6 +40,10 @@ like = "copter"
 most = 5
 starts = [["10m", "20m", "0deg"], { x = "31m", y = "20m", z = "10m" }, { x = "50m", y = "20m", z = "20m" }]
 """
+
+HILLS = """ground = { file = "hills.png", high = "16m" }
+
+[robots]"""
 
 expect.set_options(timeout=1000 * PATIENCE)
 
@@ -61,6 +67,22 @@ def yard(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
 def copters(yard: Program, context: BrowserContext) -> Iterator[Page]:
     """The page of those."""
     yield from opened(yard, context)
+
+
+@pytest.fixture(scope="module")
+def hills(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
+    """The same three over ground that rises by 16 m to the east, half of it in the middle."""
+    folder = tmp_path_factory.mktemp("hills")
+    Image.fromarray(np.tile(np.uint16([0, 0, 65_535, 65_535]), (2, 1))).save(folder / "hills.png")
+    write(folder, more=COMMANDS, text=COPTERS.replace("[robots]", HILLS))
+    with Program("run", folder, "--page") as started:
+        yield started
+
+
+@pytest.fixture
+def hilly(hills: Program, context: BrowserContext) -> Iterator[Page]:
+    """The page of those."""
+    yield from opened(hills, context)
 
 
 def ring(page: Page) -> tuple[float, float]:
@@ -157,6 +179,55 @@ def test_ground_and_sky_are_those_of_the_map_and_a_line_leads_down(copters: Page
     for area, sky in (("#f8fafb", "#e6ebf0"), ("#101820", "#0a0f14")):  # light, dark
         until(page, lambda wanted={area, sky}: wanted <= colours_of(page))
         page.locator("#theme").click()
+
+
+@browser
+def test_hills_are_shaded_on_the_map_and_rise_in_space(hilly: Page) -> None:
+    page = hilly
+    shaded = until(page, lambda: (found := len(shades(page))) > 20 and found)
+    heights = calculated(
+        page,
+        "relief",
+        """({ Relief }) => {
+          const cells = btoa(String.fromCharCode(0, 0, 255, 255, 0, 0, 255, 255, 0, 0, 255, 255));
+          const world = { addEventListener() {}, repaint() {}, colours: { ink: "#000000" } };
+          const relief = new Relief(world, document.createElement("div"));
+          relief.setScene({ area: [0, 0, 10, 20], relief: { columns: 2, rows: 3, cells, low: 2, high: 6 } });
+          return [[0, 0], [10, 20], [5, 7], [-3, 5], [12, 30]].map((place) => world.relief.at(...place));
+        }""",
+    )
+    assert heights == pytest.approx([2.0, 6.0, 4.0, 2.0, 6.0])
+    page.locator("#layers").click()
+    page.get_by_role("checkbox", name="Hills").uncheck()
+    until(page, lambda: len(shades(page)) < shaded / 2)
+    page.keyboard.press("Escape")
+    page.locator("#map").focus()
+    page.keyboard.press("ArrowDown")
+    expect(page.locator("#heard")).to_contain_text("10 m up")
+    page.locator("#space").click()
+    x, y = ring(page)
+    drop = [py for px, py in pixels(page, "--chosen", "space-over") if abs(px - x) < 3.0]
+    assert max(drop) - y < 100.0, "the line down ends on the hill, 2 m below it"
+
+
+def test_the_scene_says_how_high_the_ground_is(tmp_path: Path) -> None:
+    Image.fromarray(np.array([[0, 255]], np.uint8)).save(tmp_path / "hills.png")
+    write(tmp_path, text=COPTERS.replace("[robots]", HILLS))
+    relief = scene_of(load(tmp_path), tuple("abc")).relief
+    assert relief is not None
+    assert (relief.columns, relief.rows, relief.low, relief.high) == (128, 85, 0.0, 16.0)
+    steps = np.frombuffer(relief.cells, "<u2").reshape(85, 128)
+    assert (steps == steps[0]).all()
+    wanted = np.interp(np.linspace(0.0, 60.0, 128), (15.0, 45.0), (0.0, 65_535.0))
+    assert steps[0] == pytest.approx(wanted, abs=1.0)
+    assert scene_of(read_scenario(COPTERS), tuple("abc")).relief is None
+
+
+def shades(page: Page) -> set[tuple[int, ...]]:
+    """The colours of the ground along a line through the lower part of the map."""
+    with Image.open(BytesIO(page.locator("#map").screenshot())) as image:
+        row = image.convert("RGB").crop((0, int(0.6 * image.height), image.width, int(0.6 * image.height) + 1))
+        return {colour for _, colour in row.getcolors(image.width) or ()}
 
 
 def colours_of(page: Page) -> set[str]:

@@ -231,7 +231,7 @@ class Radio:
     """The air between the robots at `x`, `y` and their operator, who is on the ground; see the module.
 
     x, y: metres, float64, shape (robots,); read whenever something is sent, never copied
-    z: likewise where robots fly, NaN of those on the ground; None where none does
+    z: likewise where robots fly, NaN of those on the ground; None where none does; operator_z: of the operator
     clock: the swarm's, which determines all times
     around: width and height of a torus, m; infinite for a plain world
     desks: how many operators listen
@@ -252,6 +252,7 @@ class Radio:
         around: tuple[float, float] = _PLAIN,
         desks: int = 1,
         z: _Metres | None = None,
+        operator_z: float = 0.0,
         between: Between | None = None,
         party: Callable[[str], int] = lambda name: OPERATOR,
         numbers: NDArray[np.integer] | None = None,
@@ -259,11 +260,10 @@ class Radio:
         self._numbers = numbers
         self.desks = np.arange(OPERATOR, OPERATOR - desks, -1, dtype=np.int64)
         """The operators' numbers."""
-        self.model = model
-        self.counts = RadioCounts()
+        self.model, self.counts = model, RadioCounts()
         self._x, self._y, self._z, self._seed, self._clock, self._around = x, y, z, seed, clock, around
         self._between = between if model.wall < 1.0 else None
-        self._party = party
+        self._party, self._operator_z = party, operator_z
         self._count = len(x)
         self._waiting: list[InFlight] = []
         self._on_the_way = 0
@@ -465,7 +465,7 @@ class Radio:
         """Whether each robot is in reach of the operator; None if all are."""
         if self.model.operator is None or self._operator_is_near:
             return None
-        return self._within((*self.model.operator, 0.0), self.model.operator_reach)
+        return self._within((*self.model.operator, self._operator_z), self.model.operator_reach)
 
     def _place_of(self, robot: int) -> tuple[float, float, float]:
         z = 0.0 if self._z is None else np.nan_to_num(self._z[robot])

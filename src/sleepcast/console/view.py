@@ -83,6 +83,17 @@ class FieldPicture(msgspec.Struct, frozen=True):
     angles: bytes = b""
 
 
+class ReliefMap(msgspec.Struct, frozen=True):
+    """How high the ground is, at points in even distances that fill the world from edge to edge, row by row from the
+    bottom: two bytes each, the lower one first, 0 at `low` and 65535 at `high`, m."""
+
+    columns: int
+    rows: int
+    cells: bytes
+    low: float
+    high: float
+
+
 class Solids(NamedTuple):
     """What is solid, and how high that is; both as in a scene."""
 
@@ -115,6 +126,7 @@ class Scene(msgspec.Struct, frozen=True):
     repeats: how often those that work only together are sent, since the radio may lose one
     picture: where the picture of the map lies, None if there is none; the desk is asked for it
     fields: likewise
+    relief: how high the ground is, None where it is flat
     senses: of the robots, those that see or hear something elsewhere; unset where nobody can tell what they see
     """
 
@@ -141,6 +153,7 @@ class Scene(msgspec.Struct, frozen=True):
     repeats: int = 1
     picture: PicturePlace | None = None
     fields: tuple[ShownField, ...] = ()
+    relief: ReliefMap | None = None
     senses: tuple[str, ...] | msgspec.UnsetType = msgspec.UNSET
 
 

@@ -209,6 +209,7 @@ class Swarm:
             around=scenario.around,
             desks=max(1, len(scenario.operators)),
             z=None if flight is None else flight.z,
+            operator_z=scenario.ground_at(*(scenario.radio.operator or (0.0, 0.0))),
             between=sight.count_between if scenario.radio.wall else sight.any_between,
             party=self.party_of,
             numbers=None if simulator.population is None else simulator.population.numbers,

@@ -53,6 +53,7 @@ from sleepcast.simulator.scenario.wind import FASTEST_WIND
 from sleepcast.simulator.simd.formulas import TURN
 from sleepcast.simulator.simulation import Simulator
 from sleepcast.simulator.sonar.firing import AT_ONCE, Firing
+from sleepcast.simulator.world.grey_picture import bounds_of_picture
 from sleepcast.simulator.world.world import Shape, World
 
 MAX_WORDS = 16_384
@@ -301,6 +302,10 @@ def _bounds(scenario: Scenario) -> Iterator[tuple[str, float, float, float]]:
         yield "m/s of wind", scenario.wind.fastest, 0.0, FASTEST_WIND
         yield "swirls of the wind", len(scenario.wind.flow.swirls), 0, MAX_PARTS
         yield "m as a gust", scenario.wind.gust_size, LEAST, MAX_WORLD
+    if scenario.ground is not None:
+        yield "m as the ground", scenario.ground.low, 0.0, HIGHEST
+        yield "m as the highest ground", scenario.ground.high, 0.0, HIGHEST
+        yield from bounds_of_picture(scenario.ground)
     if scenario.predation is not None:
         yield "m in reach of who eats", scenario.predation.reach, LEAST, MAX_WORLD
         yield "m as a patch", scenario.predation.cell or MAX_WORLD, LEAST, MAX_WORLD

@@ -16,6 +16,7 @@ from sleepcast.channel.simulated_radio import RadioCounts
 from sleepcast.console import MapLabel, NamedOutline, Outline, Scene
 from sleepcast.console.adapters.fields import FieldPictures, shown_fields
 from sleepcast.console.adapters.obstacles import editor_of
+from sleepcast.console.adapters.relief import relief_of
 from sleepcast.console.adapters.sight import senses_of, sight_now
 from sleepcast.console.features.sight import SightView
 from sleepcast.console.frames import packed_poses
@@ -202,6 +203,7 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
         supplies=tuple(store.name for store in scenario.robots.stores if store.reach < inf),
         picture=placed(scenario.picture),
         fields=shown_fields(scenario),
+        relief=relief_of(scenario),
         senses=senses_of(scenario),
     )
 

@@ -34,12 +34,14 @@ export class FootprintLayer {
     pen.globalAlpha = 1;
   }
 
-  // Add the footprints of some robots. slope: how much farther they see with each metre of height.
+  // Add the footprints of some robots. slope: how much farther they see with each metre above the ground.
   trace(pen, begin, end, slope) {
-    const { view, frame: { heights, poses } } = this.world;
+    const { view, relief, frame: { heights, poses } } = this.world;
     for (let i = begin; i < end; i += 1) {
-      if (!(heights[i] > 0)) continue;
-      const [px, py, radius] = [view.toScreenX(poses[3 * i]), view.toScreenY(poses[3 * i + 1]), heights[i] * slope * view.scale];
+      const [x, y] = [poses[3 * i], poses[3 * i + 1]];
+      const above = heights[i] - (relief?.at(x, y) ?? 0);
+      if (!(above > 0)) continue;
+      const [px, py, radius] = [view.toScreenX(x), view.toScreenY(y), above * slope * view.scale];
       pen.moveTo(px + radius, py);
       pen.arc(px, py, radius, 0, 2 * Math.PI);
     }

@@ -7,6 +7,7 @@ import { few, MAX_SHAPES } from "./swarm.js";
 import { heightText, roundBelow } from "./view.js";
 
 const SHADES = 12;
+const UNEVEN = 0.3; // m
 const WIDER = 5; // pixels by which a disc is wider than its robot
 
 export class HeightLayer {
@@ -27,10 +28,16 @@ export class HeightLayer {
     this.scale.hidden = !shown || this.most === 0;
     if (this.scale.hidden) return;
     for (let i = 0; i < count; i += 1) {
-      if (!(heights[i] > 0)) continue;
+      if (!(heights[i] > this.ground(poses[3 * i], poses[3 * i + 1]))) continue;
       const stamp = this.stamp(Math.ceil(SHADES * Math.min(1, heights[i] / this.most)), Math.round(sizes(i)) + WIDER);
       pen.drawImage(stamp, view.toScreenX(poses[3 * i]) - stamp.width / 4, view.toScreenY(poses[3 * i + 1]) - stamp.height / 4, stamp.width / 2, stamp.height / 2);
     }
+  }
+
+  // How high the ground is there, and a bit more than what pages know of it less exactly than robots do.
+  ground(x, y) {
+    const { relief } = this.world;
+    return relief?.map ? relief.at(x, y) + UNEVEN : 0;
   }
 
   // Let the scale end at a round number above all heights.

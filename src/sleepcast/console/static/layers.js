@@ -11,6 +11,7 @@ export const SWARM_LAYERS = [
   { name: "height", title: "Height", on: true, hint: "How high robots fly: a disc behind each, and the scale of its shades" },
   { name: "footprints", title: "Footprints of cameras", on: true, hint: "What robots that fly see of the ground below them" },
   { name: "picture", title: "Picture under the map", on: true, hint: "That of the scenario's map, or one that you choose" },
+  { name: "relief", title: "Hills", on: true, hint: "How high the ground is: the more ink, the higher" },
   { name: "field", title: "Field", on: true, hint: "What fills the world, such as a scent, with its scale" },
   { name: "pings", title: "Pings", on: true },
   { name: "density", title: "Density", on: null, hint: "How many robots are where. Shown by itself while more than 20,000 are in sight." },

@@ -77,15 +77,17 @@ export class Solids {
 
   // ---- what stays
 
-  // sheet: the canvas that lies on the area. sky: a colour.
-  setGround([left, bottom, right, top], sheet, sky) {
+  // sheet: the canvas that lies on the area. sky: a colour. relief: {columns, rows, heights} of relief.js, where it is not flat.
+  setGround([left, bottom, right, top], sheet, sky, relief) {
     const { CanvasTexture, Mesh, PlaneGeometry, ShaderMaterial } = this.three;
     this.scene.background = new this.three.Color(sky);
     this.ground?.material.uniforms.map.value.dispose();
     this.ground?.material.dispose();
     const map = Object.assign(new CanvasTexture(sheet), { minFilter: this.three.LinearMipmapNearestFilter });
-    const material = new ShaderMaterial({ uniforms: { map: { value: map } }, ...LAID, depthWrite: false });
-    const mesh = new Mesh(new PlaneGeometry(right - left, top - bottom), material);
+    const material = new ShaderMaterial({ uniforms: { map: { value: map } }, ...LAID, depthWrite: Boolean(relief) }); // what lies behind hills is hidden
+    const { columns = 2, rows = 2, heights } = relief ?? {};
+    const mesh = new Mesh(new PlaneGeometry(right - left, top - bottom, columns - 1, rows - 1), material);
+    if (heights) lift(mesh.geometry.attributes.position, columns, rows, heights);
     mesh.position.set((left + right) / 2, (bottom + top) / 2, 0);
     mesh.renderOrder = -2;
     this.put("ground", mesh);
@@ -106,7 +108,7 @@ export class Solids {
   // ---- what moves
 
   // robots: {count, poses, heights, forms: as told to `membersOf`, sizes: gives the radius to draw of each, m; seen: pixels of that in the middle of the picture;
-  // colours: [red, green, blue] by look; looks: of each}
+  // colours: [red, green, blue] by look; looks: of each; ground: gives how high it is at x, y, m}
   setBodies(robots) {
     const { count, poses, heights } = robots;
     const near = count <= ALL_FORMS || (count < SHADOWS && robots.seen >= SEEN);
@@ -118,7 +120,8 @@ export class Solids {
       const [x, y, heading, z, size] = [poses[3 * i], poses[3 * i + 1], poses[3 * i + 2] || 0, heights?.[i] ?? 0, robots.sizes(i)];
       bodies[forms[i]].place(places[i], x, y, z, heading, size);
       bodies[forms[i]].dye(places[i], robots.colours[robots.looks[i]]);
-      shadows?.place(i, x, y, ABOVE * size, 0, z > size ? 0.8 * size : 0);
+      const ground = shadows ? robots.ground(x, y) : 0;
+      shadows?.place(i, x, y, ground + ABOVE * size, 0, z - ground > size ? 0.8 * size : 0);
     }
     for (const form in bodies) bodies[form].changed();
     shadows?.changed();
@@ -175,6 +178,13 @@ export class Solids {
     const gl = this.renderer.getContext();
     gl.deleteSync(gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0));
     gl.flush();
+  }
+}
+
+// Put the corners of a level sheet, the top row first, at these heights, the bottom row first.
+function lift(corners, columns, rows, heights) {
+  for (let row = 0; row < rows; row += 1) {
+    for (let column = 0; column < columns; column += 1) corners.setZ(row * columns + column, heights[(rows - 1 - row) * columns + column]);
   }
 }
 

@@ -145,7 +145,7 @@ export class Space {
     const { count, poses, heights } = world.frame;
     const forms = (world.scene.forms ?? []).map((form, at) => [world.scene.sizes[at][0], form]);
     const looks = { sizes: (i) => this.radius(i), colours: this.inks(), looks: this.codes(), seen: this.seen };
-    solids.setBodies({ count, poses, heights, forms, ...looks });
+    solids.setBodies({ count, poses, heights, forms, ground: (x, y) => this.ground(x, y), ...looks });
     solids.render(orbit);
     this.drawOver();
   }
@@ -186,7 +186,7 @@ export class Space {
     const { scene, colours } = world;
     if (drawn.ground !== world.grounds) {
       drawn.ground = world.grounds;
-      solids.setGround(scene.area, this.sheet(), colours.ground);
+      solids.setGround(scene.area, this.sheet(), colours.ground, world.relief?.map);
     }
     if (drawn.obstacles === scene.obstacles && drawn.colours === colours) return;
     Object.assign(drawn, { obstacles: scene.obstacles, colours });
@@ -200,7 +200,7 @@ export class Space {
 
   // The ground as the map draws it.
   sheet() {
-    const { scene, colours, under, field } = this.world;
+    const { scene, colours, under, relief, field } = this.world;
     const [left, bottom, right, top] = scene.area;
     const scale = SHEET / Math.max(right - left, top - bottom);
     const sheet = make("canvas", { width: Math.max(1, (right - left) * scale), height: Math.max(1, (top - bottom) * scale) });
@@ -208,7 +208,7 @@ export class Space {
     view.resize(sheet.width, sheet.height);
     Object.assign(view, { scale, whole: scale });
     view.centre((left + right) / 2, (bottom + top) / 2);
-    drawGround(sheet.getContext("2d"), view, scene, colours, [under, field]);
+    drawGround(sheet.getContext("2d"), view, scene, colours, [under, relief, field]);
     return sheet;
   }
 
@@ -256,12 +256,17 @@ export class Space {
     pen.clearRect(0, 0, view.width, view.height);
     this.drawDrop();
     drawRings(pen, view, frame, sizes, marks, colours.chosen);
-    const flat = (points) => points.map((point) => ({ ...point, ...this.onScreen(point.x, point.y, 0) }));
+    const flat = (points) => points.map((point) => ({ ...point, ...this.onScreen(point.x, point.y, this.ground(point.x, point.y)) }));
     const scene = { ...world.scene, places: flat(world.scene.places), lights: flat(world.scene.lights), areas: [], tall: [] };
     drawPlaces(pen, view, scene.places, colours);
     this.labels.draw(pen, view, { scene, frame, marks, colours, ratio, sizes, picked, replies, robots: world.shows("names") });
     for (const tool of world.tools) if (tool.anywhere) tool.draw(pen, this);
     world.drawTip(this);
+  }
+
+  // How high the ground is there, m.
+  ground(x, y) {
+    return this.world.relief?.at(x, y) ?? 0;
   }
 
   onScreen(x, y, z) {
@@ -276,7 +281,8 @@ export class Space {
     const { frame, marks, colours } = world;
     const z = frame.heights?.[marks.chosen] ?? 0;
     if (marks.chosen < 0 || z === 0) return;
-    const foot = this.onScreen(frame.poses[3 * marks.chosen], frame.poses[3 * marks.chosen + 1], 0);
+    const [x, y] = frame.poses.subarray(3 * marks.chosen);
+    const foot = this.onScreen(x, y, this.ground(x, y));
     pen.beginPath();
     pen.moveTo(view.toScreenX(foot.x), view.toScreenY(foot.y));
     pen.lineTo(view.toScreenX(this.frame.poses[3 * marks.chosen]), view.toScreenY(this.frame.poses[3 * marks.chosen + 1]));

@@ -22,6 +22,7 @@ import { Operators } from "./operators.js";
 import { Plots } from "./plots.js";
 import { Prompt } from "./prompt.js";
 import { RadioPane } from "./radio.js";
+import { Relief } from "./relief.js";
 import { Replies } from "./replies.js";
 import { RobotPane } from "./robot.js";
 import { SaveTest } from "./savetest.js";
@@ -62,6 +63,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
   const elsewhere = () => ["past", "replay"].some((name) => document.body.classList.contains(name));
   const field = new FieldLayer(world, wire, find("field-scale"), find("layer-menu"), elsewhere);
   const footprints = new FootprintLayer(world, find("layer-menu"));
+  const relief = new Relief(world, find("layer-menu"));
   new HeightLayer(world, find("height-scale"));
   const senses = new Senses(world, wire);
   const sight = new SightLayer(world, wire, find("layer-menu"));
@@ -108,6 +110,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
     blanks.set(scene.commands, scene.blanks);
     table.setScene(scene);
     field.setScene(scene);
+    relief.setScene(scene);
     sight.setScene(scene);
     footprints.setScene(scene);
     prompt.setNames(hello.names);
@@ -430,6 +433,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
     legend: () => legend.lines(),
     recolour: () => {
       field.recolour();
+      relief.recolour();
       sensors.draw();
       plots.recolour();
       radio.recolour();

@@ -38,6 +38,7 @@ export class World extends EventTarget {
     this.density = new Density();
     this.labels = new Labels();
     this.under = null; // the picture under the grid
+    this.relief = null; // how high the ground is, as of relief.js
     this.field = null; // the field there, as of field.js
     this.picked = null; // 1 for each robot that is selected by hand
     this.told = null; // the frame that was last said to be drawn
@@ -379,7 +380,7 @@ export class World extends EventTarget {
     this.stale = new Set();
     if (!scene) return;
     if (stale.has("ground")) {
-      drawGround(pens.ground, view, scene, colours, [this.under, this.field]);
+      drawGround(pens.ground, view, scene, colours, [this.under, this.relief, this.field]);
       this.drawScale();
     }
     if (!frame) return;

@@ -26,7 +26,6 @@ from sleepcast.simulator.scenario.starts import StartPose, Starts
 from sleepcast.simulator.simd.formulas import shortest
 from sleepcast.simulator.world.areas import barred
 from sleepcast.simulator.world.grid import distance
-from sleepcast.simulator.world.roofs import GROUND
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +76,8 @@ def find_room(bodies: Bodies, new: Bodies, *, given: bool) -> bool:
         x, y = new.anywhere(f" free {attempt}")
         for mine, other in ((new.x, x), (new.y, y), (new.encoder_x, x), (new.encoder_y, y)):
             mine[taken] = other[taken]
+        if new.flight and new.scenario.ground:
+            new.flight.start()  # the ground is not as high there
     return False
 
 
@@ -86,10 +87,10 @@ def _taken(bodies: Bodies, new: Bodies) -> Whole:
     if bodies.contact is None and bodies.flight is None:
         return np.flatnonzero(taken)
     there = np.ones(bodies.count, bool) if bodies.population is None else bodies.population.present
-    others = tuple(column[there] for column in (bodies.x, bodies.y, _heights(bodies), bodies.radii))
+    others = tuple(column[there] for column in (bodies.x, bodies.y, _heights(bodies), bodies.radii, _aloft(bodies)))
     for robot in np.flatnonzero(~taken).tolist():
         before = np.flatnonzero(~taken[:robot])
-        mine = tuple(column[before] for column in (new.x, new.y, _heights(new), new.radii))
+        mine = tuple(column[before] for column in (new.x, new.y, _heights(new), new.radii, _aloft(new)))
         all_ = tuple(np.concatenate(each) for each in zip(others, mine, strict=True))
         taken[robot] = _touches(bodies, new, robot, all_)
     return np.flatnonzero(taken)
@@ -100,14 +101,22 @@ def _heights(bodies: Bodies) -> Floats:
     return np.zeros(bodies.count) if bodies.flight is None else np.nan_to_num(bodies.flight.z)
 
 
+def _aloft(bodies: Bodies) -> Floats:
+    """1 of bodies in the air, 0 of those on the ground."""
+    if bodies.flight is None:
+        return np.zeros(bodies.count)
+    return (_heights(bodies) > bodies.flight.ground_at(bodies.x, bodies.y)).astype(float)
+
+
 def _touches(bodies: Bodies, new: Bodies, robot: int, others: Sequence[Floats]) -> bool:
-    """Whether one of `new` touches a wall or one of `others` (x, y, z and radii, m) where that matters."""
+    """Whether one of `new` touches a wall or one of `others` (x, y, z and radii, m, and
+    whether they are in the air) where that matters."""
     x, y, radius, z = float(new.x[robot]), float(new.y[robot]), float(new.radii[robot]), float(_heights(new)[robot])
     around = bodies.scenario.around
     dx, dy, dz = shortest(others[0] - x, around[0]), shortest(others[1] - y, around[1]), others[2] - z
     near: Flags = np.sqrt(dx * dx + dy * dy + dz * dz) < others[3] + radius + SKIN
     if bodies.contact is None:
-        aloft = (others[2] > GROUND) | (z > GROUND)
+        aloft = (others[4] > 0.0) | (_aloft(new)[robot] > 0.0)
         return bodies.flight is not None and bodies.flight.collides and bool((near & aloft).any())
     lines = bodies.near.lines
     ends = [lines[:, each] for each in range(4)]

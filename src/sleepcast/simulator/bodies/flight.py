@@ -33,6 +33,7 @@ Flags = NDArray[np.bool_]
 Whole = NDArray[np.intp]
 MARGIN = 1e-6
 """m that bodies keep from the wall around a world, so that rounding never makes them touch it."""
+THE_GROUND = "the ground"
 CARRIED = "is carried away: the wind is faster than it flies"
 
 
@@ -47,7 +48,7 @@ def fence_of(scenario: Scenario, spec: RobotSpec) -> tuple[float, float, float, 
 class Flight:
     """The flying bodies among all; arrays of shape (count,), of which those of bodies on the ground mean nothing.
 
-    z: above the origin, m; nan of bodies on the ground, as all that they sense
+    z: above the origin, m; nan of bodies on the ground, as all that they sense, but where there is a ground map
     turn_rate, height, climb_rate, armed, flying: as `hovering.sensors` say
     crashed: 1 of those that have crashed
     ground: how high the ground or the roof below each body is, m
@@ -72,7 +73,9 @@ class Flight:
         self.z, self.turn_rate, self.height = rows["z"], rows["turn_rate"], rows["height"]
         self.climb_rate, self.armed, self.flying = rows["climb_rate"], rows["armed"], rows["flying"]
         self.crashed = rows[CRASHED]
-        self._roofs = Roofs(bodies.world, bodies.scenario.around)
+        self._terrain = bodies.scenario.terrain
+        """Where the ground is not flat."""
+        self._roofs = Roofs(bodies.world, bodies.scenario.around, self._terrain)
         self._version = -1
         """Of the world in which it was looked last what lies below."""
         self.ground: Floats = np.full(count, GROUND)
@@ -157,6 +160,19 @@ class Flight:
         if self._roofs:
             rows, bodies = self._rows, self._bodies
             self.ground[rows] = self._roofs.below(bodies.x[rows], bodies.y[rows], self.z[rows])
+        if self._terrain:
+            self._ride()
+
+    def _ride(self) -> None:
+        """Let bodies that do not fly be as high as the ground map is, and nobody be below it."""
+        bodies, rides = self._bodies, ~self.flies
+        ground = self.ground_at(bodies.x, bodies.y)
+        self.z[rides] = self.ground[rides] = ground[rides]
+        self.z[self._rows] = np.maximum(self.z[self._rows], ground[self._rows])
+
+    def ground_at(self, x: Floats, y: Floats) -> Floats:
+        """How high the ground is at these places, m, whatever stands on it."""
+        return self._roofs.ground(x, y)
 
     def keep_up(self) -> None:
         """Take over what has changed in the world."""
@@ -349,10 +365,25 @@ class Flight:
         if not some.any():
             return
         which = self._indices(some)
+        rammed = self._rams(which)
         self.z[which] = self.ground[which]
         self.armed[which] = self.climb_rate[which] = 0.0
         self.settle(which if self.wings is None else which[~self.wings.planes[which]])  # a plane rolls out
         self.rest(which)
+        for robot in rammed.tolist():
+            bodies.say_of(robot, f"has crashed into {THE_GROUND}")
+        self.crash(rammed)
+
+    def _rams(self, which: Whole) -> Whole:
+        """Those of these bodies, which have touched what lies below, into whom the ground rose faster than they sink in
+        a landing: they have flown into a slope with their motors on."""
+        if not self._terrain:
+            return which[:0]
+        bodies, ground = self._bodies, self.ground_at(self._bodies.x[which], self._bodies.y[which])
+        before = self.ground_at(bodies.x[which] - self.way[0, which], bodies.y[which] - self.way[1, which])
+        steep = ground - before > self._all_laws.sink[which] * self._all_laws.tick
+        rams: Flags = steep & (ground == self.ground[which]) & (self.armed[which] > 0.0)
+        return which[rams]
 
     def _measure(self, turn_rate: Floats) -> None:
         bodies, rows = self._bodies, self._rows
@@ -388,7 +419,8 @@ class Flight:
     def clear(self, which: Whole) -> None:
         """Leave nothing in the air of these, which are there no more: others would crash into it."""
         flown = which[self.flies[which]]
-        self.z[flown] = self.height[flown] = self.ground[flown] = GROUND
+        self.ground[flown] = self.ground_at(self._bodies.x[flown], self._bodies.y[flown])
+        self.z[flown], self.height[flown] = self.ground[flown], 0.0
         self.settle(flown)
         self.armed[flown] = self.flying[flown] = 0.0
         self.rest(which)

@@ -73,7 +73,7 @@ class LineOfSight(BetweenWalls):
         self._discs = SightLines((scenario.width, scenario.height), scenario.around)
         self.moved = True
         self._places, self._radii, self._bodies_hide = places, radii, scenario.sight.bodies_hide
-        self._heights = heights
+        self._heights, self._terrain = heights, scenario.terrain
         self._there, self._disc_of = there, np.arange(len(places[0]))
         """The disc of each body."""
 
@@ -83,7 +83,9 @@ class LineOfSight(BetweenWalls):
         """Whether walls hide from each of these robots what stands at `seen_x`, `seen_y`, m. seen: the robots that are
         there; None if something on the ground is. z: of all robots as they are seen, m, if that is not where they
         are."""
-        return self.any_between(*self._places_of(robots), seen_x, seen_y, self._levels(robots, seen, z))
+        return self.any_between(
+            *self._places_of(robots), seen_x, seen_y, self._levels(robots, (seen_x, seen_y), seen, z)
+        )
 
     def hidden(
         self, robots: Whole, seen_x: Floats, seen_y: Floats, *, walls: bool, senders: Whole | None = None
@@ -97,8 +99,9 @@ class LineOfSight(BetweenWalls):
         left = np.flatnonzero(~found)
         bodies = self._where_bodies_are()
         passing = [self._disc_of[each[left]] for each in ([robots] if senders is None else [robots, senders])]
-        lines = self._ends(*self._places_of(robots[left]), seen_x[left], seen_y[left])
-        levels = self._levels(robots[left], None if senders is None else senders[left])
+        place = seen_x[left], seen_y[left]
+        lines = self._ends(*self._places_of(robots[left]), *place)
+        levels = self._levels(robots[left], place, None if senders is None else senders[left])
         found[left] = hidden(bodies, *lines, passing=passing, levels=levels)
         return found
 
@@ -109,7 +112,7 @@ class LineOfSight(BetweenWalls):
         what stands there; infinite where it is seen. bodies: whether these count if the scenario says that they do; the
         rest as for `hidden`."""
         ends, found = self._ends(*self._places_of(robots), seen_x, seen_y), np.full(len(robots), np.inf)
-        levels = self._levels(robots, senders)
+        levels = self._levels(robots, (seen_x, seen_y), senders)
         if walls:
             self.keep_up()
             found = stops(self.walls, *ends, levels=levels)
@@ -133,13 +136,18 @@ class LineOfSight(BetweenWalls):
             self.moved = False
         return self._discs
 
-    def _levels(self, robots: Whole, seen: Whole | None, heights: Floats | None = None) -> Levels | None:
-        """z of these robots and of what they look at, None where none flies. heights: z of all as they are seen."""
+    def _levels(
+        self, robots: Whole, place: tuple[Floats, Floats], seen: Whole | None, heights: Floats | None = None
+    ) -> Levels | None:
+        """z of these robots and of what they look at, None where none flies. place: x and y of that, m; seen: the
+        robots that are there, None if it stands on the ground; heights: z of all as they are seen."""
         if self._heights is None:
             return None
         z = np.nan_to_num(self._heights[robots])
         heights = self._heights if heights is None else heights
-        return z, np.zeros(len(z)) if seen is None else np.nan_to_num(heights[seen])
+        if seen is None:
+            return z, np.zeros(len(z)) if self._terrain is None else self._terrain.at(*place)[0]
+        return z, np.nan_to_num(heights[seen])
 
     def _places_of(self, robots: Whole) -> tuple[Floats, Floats]:
         x, y = self._places

@@ -21,7 +21,6 @@ from sleepcast.simulator.motion.wind import flow
 from sleepcast.simulator.scenario.fields import (
     Field,
     Hill,
-    Picture,
     ScalarField,
     VectorField,
     dimension_of,
@@ -29,6 +28,7 @@ from sleepcast.simulator.scenario.fields import (
 )
 from sleepcast.simulator.simd.formulas import exponential, rotated, shortest, sine_cosine
 from sleepcast.simulator.world.areas import inside
+from sleepcast.simulator.world.grey_picture import Stretched
 from sleepcast.simulator.world.torus import Around
 
 Sensed = tuple[Floats, Floats, Floats]
@@ -128,7 +128,7 @@ def values(field: ScalarField, x: Floats, y: Floats, size: tuple[float, float], 
     for zone in field.zones:
         value[inside(zone.shape, x, y)] += zone.value
     if field.picture is not None:
-        for total, part in zip((value, dx, dy), _shown(field.picture, x, y, size), strict=True):
+        for total, part in zip((value, dx, dy), Stretched(field.picture, size).at(x, y), strict=True):
             total += part
     return value, dx, dy
 
@@ -144,23 +144,6 @@ def _hill(hill: Hill, x: Floats, y: Floats, around: Around) -> Sensed:
         value = hill.peak * np.maximum(1.0 - away / radius, 0.0)
         slope = np.where((away > 0.0) & (away < radius), hill.peak / radius, 0.0) / np.where(away > 0.0, away, 1.0)
     return value, slope * dx, slope * dy
-
-
-def _shown(picture: Picture, x: Floats, y: Floats, size: tuple[float, float]) -> Sensed:
-    """A picture, linear between the middles of its pixels and even in the outer half of those at its border."""
-    grey = np.frombuffer(bytes.fromhex(picture.grey), np.uint8).reshape(picture.rows, picture.columns)[::-1]
-    axes = []
-    for points, side, count in ((x, size[0], picture.columns), (y, size[1], picture.rows)):
-        wanted = points * (count / side) - 0.5
-        here = np.clip(wanted, 0.0, count - 1.0)
-        before = np.minimum(np.floor(here), max(count - 2, 0)).astype(np.int64)
-        axes.append((before, np.minimum(before + 1, count - 1), here - before, (wanted == here) * (count / side)))
-    (left, right, share, per_x), (below, above, height, per_y) = axes
-    step = (picture.high - picture.low) / 255.0
-    corners = [picture.low + step * grey[row, column] for row in (below, above) for column in (left, right)]
-    bottom, top = (corners[i] + share * (corners[i + 1] - corners[i]) for i in (0, 2))
-    slope = (1.0 - height) * (corners[1] - corners[0]) + height * (corners[3] - corners[2])
-    return bottom + height * (top - bottom), slope * per_x, (top - bottom) * per_y
 
 
 # ---- fields that grow

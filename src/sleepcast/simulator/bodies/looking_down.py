@@ -37,13 +37,18 @@ class DownCameras:
     def __init__(self, bodies: Bodies, near: RangeAndBearing | None) -> None:
         assert bodies.flight
         self._bodies, self._near, self._z = bodies, near, bodies.flight.z
+        self._ground_at = bodies.flight.ground_at
+        scenario = bodies.scenario
+        self._lights_z = [scenario.ground_at(light.x, light.y) for light in scenario.lights]
+        """How high lights are, m."""
         self._slopes = bodies.by_type([tan(spec.camera / 2.0) for spec in bodies.scenario.each_type])
         """How much wider each footprint becomes with each metre of depth, 0 of robots without a camera."""
 
     @property
     def footprints(self) -> Floats:
         """How far from the point below it each robot sees the ground, m: 0 of those without a camera, or on it."""
-        reaches: Floats = np.nan_to_num(self._z) * self._slopes
+        above = np.nan_to_num(self._z) - self._ground_at(self._bodies.x, self._bodies.y)
+        reaches: Floats = above * self._slopes
         return reaches
 
     def lacking(self, robots: Whole) -> Flags:
@@ -94,13 +99,20 @@ class DownCameras:
         z: Floats = np.nan_to_num(self._z[robots])
         return z
 
+    def _slopes_of(self, robots: Whole) -> Floats:
+        """How much wider the footprint of each of these robots becomes with each metre of depth: 0 on the ground."""
+        bodies = self._bodies
+        up = self._heights(robots) > self._ground_at(bodies.x[robots], bodies.y[robots])
+        return np.where(up, self._slopes[robots], 0.0)
+
     def _seen(self, robots: Whole, *colour: Floats) -> Iterator[Nearby]:
         """Each of these robots with all others that its camera sees, for some of them after the other."""
-        reach = float((self._heights(robots) * self._slopes[robots]).max(initial=0.0)) * ROUNDING
+        slopes = self._slopes_of(robots)
+        reach = float((self._heights(robots) * slopes).max(initial=0.0)) * ROUNDING
         if reach == 0.0:
             return
         for pairs in others_near(self._bodies, robots, reach):
-            wide = (self._heights(pairs.robot) - self._heights(pairs.other)) * self._slopes[pairs.robot]
+            wide = (self._heights(pairs.robot) - self._heights(pairs.other)) * slopes[pairs.row]
             seen = (wide > 0.0) & (pairs.dx * pairs.dx + pairs.dy * pairs.dy <= wide * wide)
             for wanted in colour:
                 assert self._near
@@ -137,8 +149,9 @@ class DownCameras:
         around_x, around_y = bodies.scenario.around
         dx = shortest(light.x - bodies.x[robots], around_x)
         dy = shortest(light.y - bodies.y[robots], around_y)
-        deep, away = self._heights(robots), dx * dx + dy * dy
-        seen = (deep > 0.0) & (away <= (deep * self._slopes[robots]) ** 2) & (away + deep * deep <= light.reach**2)
+        deep, away = self._heights(robots) - self._lights_z[number], dx * dx + dy * dy
+        slopes = self._slopes_of(robots)
+        seen = (deep > 0.0) & (slopes > 0.0) & (away <= (deep * slopes) ** 2) & (away + deep * deep <= light.reach**2)
         may = np.flatnonzero(seen)
         place = np.full(may.size, light.x), np.full(may.size, light.y)
         seen[may] = ~bodies.sight.hidden(robots[may], *place, walls=bodies.scenario.sight.lights)

@@ -97,6 +97,7 @@ class Pilot(NamedTuple):
             told.refuse((flight.target_z[robots] == LANDS) & ~grounded, hovering.LANDING)
         else:
             self._refuse_heights(told, z - GROUND)
+            self._refuse_heights(told, z - flight.ground_at(x, y))
         told.refuse(grounded, hovering.GROUNDED)
         height = flight.target_z[told.free] if z is None else z[told.obeys]
         climbs_out = flight.wings.climbs_out[told.free] if flight.wings else False

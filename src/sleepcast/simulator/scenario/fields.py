@@ -11,14 +11,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from math import ceil, inf
 
-import numpy as np
-
 from sleepcast.core.model import Quantity
 from sleepcast.core.records import dataclass
-from sleepcast.core.settings import SettingsError, Table, checked_name
+from sleepcast.core.settings import Table, checked_name
 from sleepcast.core.units import LENGTH, NONE, TIME, UNITS, Dimension
 from sleepcast.simulator.scenario.robot_settings import LEAST, MAX_TIME, MAX_WORLD
 from sleepcast.simulator.scenario.signals import refuse_sight
+from sleepcast.simulator.world.grey_picture import Picture, bounds_of_picture, read_picture
 from sleepcast.simulator.world.world import Area, Circle
 
 MAX_FIELDS = 8
@@ -27,8 +26,6 @@ MAX_PARTS = 256
 """Hills, zones or swirls of one field, each: every robot adds them up in every tick."""
 MAX_CORNERS = 256
 """Corners of a zone."""
-MAX_PIXELS = 262_144
-"""Pixels of a field's picture, 512 by 512: snapshots and recordings contain it."""
 MAX_CELLS = 1_000_000
 """Cells of a growing field: a tick of it takes some hundredths of a second."""
 MAX_RATE = 1_000.0
@@ -59,18 +56,6 @@ class Zone:
 
     shape: Circle | Area
     value: float
-
-
-@dataclass(frozen=True, slots=True)
-class Picture:
-    """Grey values, stretched over the whole world: black is `low`, white is `high`. grey: two hexadecimal digits for
-    each pixel, row by row from the top."""
-
-    columns: int
-    rows: int
-    grey: str
-    low: float
-    high: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,7 +198,7 @@ def _scalar(table: Table, name: str, size: tuple[float, float], tick: float, ver
     grey = None
     if table.has("image"):
         with table.table("image") as each:
-            grey = _picture(each, value(each, "low", 0.0), value(each, "high", 1.0))
+            grey = read_picture(each, value(each, "low", 0.0), value(each, "high", 1.0))
     growth = None
     if table.has("growth"):
         with table.table("growth") as each:
@@ -255,18 +240,6 @@ def _shape(zone: Table, size: tuple[float, float]) -> Circle | Area:
     (left, right), (bottom, top) = (zone.span(axis, LENGTH, low=0.0, high=size[i]) for i, axis in enumerate("xy"))
     x0, x1, y0, y1 = left.value, right.value, bottom.value, top.value
     return Area((((x0, y0), (x1, y0), (x1, y1), (x0, y1)),))
-
-
-def _picture(table: Table, low: float, high: float) -> Picture:
-    from sleepcast.simulator.world.ros_map import picture
-
-    path = table.file("file")
-    channels, white, colours = picture(path)
-    rows, columns, _ = channels.shape
-    if rows * columns > MAX_PIXELS:
-        raise SettingsError(f"{path}: {columns} by {rows} pixels; at most {MAX_PIXELS} fit: take a smaller picture")
-    grey = np.rint(channels[:, :, :colours].mean(axis=2) * (255.0 / white)).astype(np.uint8)
-    return Picture(columns, rows, grey.tobytes().hex(), low, high)
 
 
 def _growth(table: Table, size: tuple[float, float], tick: float, most: float, dimension: Dimension) -> Growth:
@@ -320,12 +293,7 @@ def bounds_of_fields(
             corners = sum(map(len, zone.shape.outlines)) if isinstance(zone.shape, Area) else 0
             yield "corners of a zone", corners, 0, MAX_CORNERS
         if (shown := field.picture) is not None:
-            yield "columns of pixels", shown.columns, 1, MAX_PIXELS
-            yield "rows of pixels", shown.rows, 1, MAX_PIXELS
-            pixels = shown.columns * shown.rows
-            yield "pixels", pixels, 1, MAX_PIXELS
-            digits = len(shown.grey) if {*shown.grey} <= {*"0123456789abcdef"} else -1
-            yield "digits of a picture", digits, 2 * pixels, 2 * pixels
+            yield from bounds_of_picture(shown)
         if (growth := field.growth) is not None:
             yield "columns of cells", growth.columns, 1, MAX_CELLS
             yield "cells", growth.columns * growth.rows, 1, MAX_CELLS

@@ -11,6 +11,8 @@ from dataclasses import replace
 from math import ceil, inf, log, pi
 from pathlib import Path
 
+import numpy as np
+
 from sleepcast.channel.simulated_radio import RadioModel
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.extensions import extensions
@@ -80,7 +82,9 @@ from sleepcast.simulator.scenario.starts import refuse_equal_names, refuse_misfi
 from sleepcast.simulator.scenario.stocks import Stock, read_stocks
 from sleepcast.simulator.scenario.wind import WindSpec, read_wind
 from sleepcast.simulator.scenario.world_settings import Changes, read_world, refuse_overridden
+from sleepcast.simulator.world.grey_picture import Picture, Stretched
 from sleepcast.simulator.world.map_picture import MapPicture
+from sleepcast.simulator.world.roofs import GROUND
 from sleepcast.simulator.world.torus import PLAIN, Around
 from sleepcast.simulator.world.world import Shape
 
@@ -145,6 +149,7 @@ class Scenario:
     laser, camera: of every robot, None without
     predation: how robots eat others, None if they do not
     wind: how the air moves that pushes what flies, None if it stands still
+    ground: the ground map, whose values are m above the origin; None where the ground is flat
     format: of its file
     origin: where it was found and what was changed in it, see `origin`; "" for one that was not found
     """
@@ -193,6 +198,7 @@ class Scenario:
     camera: CameraModel | None = None
     predation: PredationModel | None = None
     wind: WindSpec | None = None
+    ground: Picture | None = None
 
     @property
     def each_type(self) -> tuple[RobotSpec, ...]:
@@ -225,6 +231,18 @@ class Scenario:
     def ticks_of_picture(self, least: int) -> int:
         """Ticks from one kept picture to the next, at least so many."""
         return max(least, nearest_ticks(self.speed_up / PICTURES_PER_SECOND, self.tick))
+
+    @property
+    def terrain(self) -> Stretched | None:
+        """The ground map over the world, made anew with each call; None where the ground is flat."""
+        if self.ground is None:
+            return None
+        return Stretched(self.ground, (self.width, self.height), wraps=self.torus)
+
+    def ground_at(self, x: float, y: float) -> float:
+        """How high the ground is at a place, m."""
+        terrain = self.terrain
+        return GROUND if terrain is None else float(terrain.at(np.array([x]), np.array([y]))[0][0])
 
     @property
     def around(self) -> Around:
@@ -352,13 +370,28 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> t
             camera=read_camera(root, version),
             predation=read_predation(root, gone=any(spec.hatch for spec in specs)),
             wind=read_wind(root, size, flies=robots.flight is not None and not robots.flight.particle),
+            ground=world.ground,
         )
+        if scenario.ground is not None:
+            _check_ground(root, scenario)
         refuse_many(root, scenario.laser, robots.count)
         refuse_delay(root, scenario.neighbours, robots.count, scenario.tick)
         refuse_blind(root, tables, version)
         if scenario.torus:
             _check_torus(root, scenario)
         return scenario, world.drawn
+
+
+def _check_ground(root: Table, scenario: Scenario) -> None:
+    """Raise SettingsError where a ground map would mean nothing, or not enough."""
+    flights = [spec.flight for spec in scenario.each_type if spec.flight]
+    if not flights or any(flight.particle for flight in flights):
+        why = "only what hovers knows how high it is above the ground: give robots a table flight, or leave this out"
+    elif any(flight.stall for flight in flights):
+        why = "planes take off from level ground and land on it: take copters, or leave this out"
+    else:
+        return
+    raise root.table("world").error("ground", why)
 
 
 def _check_torus(root: Table, scenario: Scenario) -> None:

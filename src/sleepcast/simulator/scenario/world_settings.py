@@ -9,6 +9,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import sqrt
 
+import numpy as np
+
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.given_numbers import MAX_SEED, read_seed, whole_number
 from sleepcast.core.quantities import Measure
@@ -17,6 +19,7 @@ from sleepcast.core.settings import Table
 from sleepcast.core.units import LENGTH
 from sleepcast.simulator.scenario.flight import HIGHEST
 from sleepcast.simulator.scenario.robot_settings import LEAST, MAX_ROBOTS, MAX_WORLD
+from sleepcast.simulator.world.grey_picture import Picture, Stretched, read_picture
 from sleepcast.simulator.world.map_picture import MapPicture
 from sleepcast.simulator.world.world import MAX_NAME, Circle, Point, Polygon, Shape, Wall, boundary, rooms, rows_of
 
@@ -87,6 +90,7 @@ class WorldSpec:
     torus: whether it has no edge
     picture: of the map that it was made of
     drawn: whether the seed of the run decides where its walls are
+    ground: the ground map, whose values are m above the origin; None where the ground is flat
     """
 
     width: float
@@ -98,6 +102,7 @@ class WorldSpec:
     torus: bool = False
     picture: MapPicture | None = None
     drawn: bool = False
+    ground: Picture | None = None
 
 
 def read_world(root: Table, robots: Callable[[], int], changes: Changes, seed: int) -> WorldSpec:
@@ -114,14 +119,43 @@ def read_world(root: Table, robots: Callable[[], int], changes: Changes, seed: i
         parted, drawn = _parted(table, high, seed)
         shapes += parted
         edge = table.text("edge", "fence", choices=EDGES)
+        ground = _ground(table)
     torus = edge == "torus"
     picture = next((each_taken.picture for each_taken in taken if each_taken.picture), None)
+    unit = width.unit or "m"
     if not changes.walls:
-        return WorldSpec(*high, width.unit or "m", (), fenced=not torus, torus=torus, picture=picture)
+        return WorldSpec(*high, unit, (), fenced=not torus, torus=torus, picture=picture, ground=ground)
     if edge == "wall":
         shapes.append(boundary(*high))
-    absent_ones = tuple(shape for shape, absent in written if absent)
-    return WorldSpec(*high, width.unit or "m", tuple(shapes), edge == "fence", absent_ones, torus, picture, drawn)
+    absent_ones = [shape for shape, absent in written if absent]
+    here, later = (_standing(some, ground, high, torus) for some in (shapes, absent_ones))
+    return WorldSpec(*high, unit, here, edge == "fence", later, torus, picture, drawn, ground)
+
+
+def _ground(world: Table) -> Picture | None:
+    """The ground map."""
+    if not world.has("ground"):
+        return None
+    with world.table_or_text("ground", "file") as table:
+        low = table.number("low", LENGTH, 0.0, low=0.0, high=HIGHEST)
+        return read_picture(table, low, table.number("high", LENGTH, low=0.0, high=HIGHEST), deep=True)
+
+
+def _standing(
+    shapes: Sequence[Shape], ground: Picture | None, size: tuple[float, float], torus: bool
+) -> tuple[Shape, ...]:
+    """The shapes where they stand on the ground: their tops are so much higher as the ground is at the highest of their
+    corners, or under the middle of a disc. size: of the world, m."""
+    if ground is None:
+        return tuple(shapes)
+    terrain, found = Stretched(ground, size, wraps=torus), list[Shape]()
+    for shape in shapes:
+        if shape.tall is not None:
+            x0, y0, x1, y1, _ = np.array(rows_of(shape)).T
+            base = max(float(terrain.at(x, y)[0].max()) for x, y in ((x0, y0), (x1, y1)))
+            shape = replace(shape, tall=base + shape.tall)
+        found.append(shape)
+    return tuple(found)
 
 
 def _written(world: Table, high: tuple[float, float]) -> list[tuple[Shape, bool]]:

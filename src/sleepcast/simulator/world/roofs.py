@@ -1,6 +1,7 @@
 """What lies below a place in the air: the ground, or the roof of something solid that is not higher than the place.
 
-Thin walls have no roofs. A roof belongs to what lies inside of a circle, an area or a polygon of limited height.
+The ground is flat, or as high as the ground map of the world says. Thin
+walls have no roofs. A roof belongs to what lies inside of a circle, an area or a polygon of limited height.
 """
 
 from __future__ import annotations
@@ -8,30 +9,36 @@ from __future__ import annotations
 import numpy as np
 
 from sleepcast.simulator.world.areas import inside
+from sleepcast.simulator.world.grey_picture import Stretched
 from sleepcast.simulator.world.grid import Floats
 from sleepcast.simulator.world.torus import PLAIN, Around
 from sleepcast.simulator.world.world import Area, Circle, Polygon, World, is_solid_throughout, rows_of
 
 GROUND = 0.0
-"""m: where the ground lies."""
+"""m: where the ground lies in a world without a ground map."""
 
 
 class Roofs:
-    """The roofs of a world, up to date whenever they are asked for. around: see `torus`."""
+    """The ground and the roofs of a world, up to date whenever they are asked for. around: see `torus`; terrain: the
+    ground map, None where the ground is flat."""
 
-    def __init__(self, world: World, around: Around = PLAIN) -> None:
-        self._world, self._around, self._version = world, around, -1
+    def __init__(self, world: World, around: Around = PLAIN, terrain: Stretched | None = None) -> None:
+        self._world, self._around, self._terrain, self._version = world, around, terrain, -1
         self._things: list[tuple[Area | Circle | Polygon, float]] = []
         self._boxes: Floats = np.empty((0, 4))
 
     def __bool__(self) -> bool:
-        """Whether there are any."""
+        """Whether anything may lie higher than flat ground."""
         self._keep_up()
-        return bool(self._things)
+        return bool(self._things) or self._terrain is not None
+
+    def ground(self, x: Floats, y: Floats) -> Floats:
+        """How high the ground is at each place x, y, m."""
+        return np.full(len(x), GROUND) if self._terrain is None else self._terrain.at(x, y)[0]
 
     def below(self, x: Floats, y: Floats, z: Floats) -> Floats:
         """How high it is, m, below each place x, y, z; of several roofs the highest counts."""
-        found = np.full(len(x), GROUND)
+        found = self.ground(x, y)
         self._keep_up()
         for dx, dy in self._images() if self._things else ():
             self._raise(found, x + dx, y + dy, z)

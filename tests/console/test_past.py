@@ -7,6 +7,7 @@ import inspect
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 
 import msgspec
@@ -40,7 +41,8 @@ from sleepcast.core.errors import SleepcastError
 from sleepcast.loop import Pace
 from sleepcast.simulator import Changes, Circle, find_scenario, read_scenario
 from sleepcast.simulator.recording.recording import load_recording
-from sleepcast.station.sent import SILENT
+from sleepcast.station import Station
+from sleepcast.station.sent import MATCHED, NOT_MATCHED, SILENT, NoExplanationError
 from swarms import desk_of, drive, swarm_of
 
 ROBOTS, LAST = 12, 60
@@ -362,6 +364,36 @@ def test_a_page_has_the_names_of_the_time_at_which_it_looks(opened: int) -> None
     asyncio.run(look())
     assert shown == [[*THERE[0]], [*THERE[3]], [*THERE[1]], [*THERE[-1]]]
     past.close()
+
+
+def test_a_robot_is_not_taken_for_the_one_that_had_its_place_before(tmp_path: Path) -> None:
+    file = tmp_path / "run.mcap"
+    with sc.open(FLOCK, seed=1) as fleet, fleet.record(file, pictures=9):
+        sent = fleet.send("(WHEN (= id 1) (DIE))", wait=2)
+        fleet.run(1)  # a place is free one tick after somebody has left it
+        fleet.send("(WHEN (= id 2) (HATCH sheep 1))", wait=2)
+        fleet.run(1)
+        view, station = SwarmAdapter(fleet.swarm), fleet.swarm.desk
+        assert isinstance(station, Station)
+        assert view.scene.names[:2] == ("sheep3", "sheep2")
+        assert station.outcomes(sent.id, inf, view.scene.names)[:2].tolist() == [SILENT, NOT_MATCHED]
+        assert station.outcomes(sent.id, inf, ("sheep1", "sheep2"))[:2].tolist() == [MATCHED, NOT_MATCHED]
+        with pytest.raises(NoExplanationError, match="sheep3 was not there yet when this command was sent"):
+            fleet.why("sheep3", sent)
+        end = view.tick
+    recording = load_recording(file)
+    past = RecordedPast(recording, load_timeline(recording))
+
+    async def ask() -> None:
+        running = asyncio.create_task(past.live())
+        while "being run again" in past.kept:
+            await asyncio.sleep(0.01)
+        with pytest.raises(RerunError, match="sheep3 was not there yet when this command was sent"):
+            await past.why(end, Why(1, 0, sent.id))
+        assert b"id = 2, needed = 1" in bytes(await past.why(end, Why(1, 1, sent.id)))
+        running.cancel()
+
+    asyncio.run(ask())
 
 
 def test_robots_have_the_names_and_numbers_of_then_in_a_recording(tmp_path: Path) -> None:

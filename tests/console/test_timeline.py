@@ -112,3 +112,28 @@ def test_the_past_is_scrubbed_and_left_by_one_key(program: Program, context: Bro
     expect(said).to_be_empty()
     until(screen, lambda: clock.inner_text() > "0:00:23")
     assert not complaints
+
+
+@pytest.mark.browser
+def test_why_is_about_the_moment_at_which_the_page_looks(program: Program, context: BrowserContext) -> None:
+    with open_page(program) as page:
+        running(page, next_time(page) + 1.0)
+        page.ask("send", text="(AFTER-ISSUE 8s (JOIN patient))", everybody=True)
+        issued = next_time(page)
+        running(page, issued + 12.0)
+        page.tell("pace", running=False)
+    screen = context.new_page()
+    screen.goto(program.address)
+    screen.locator("#map").focus()
+    screen.keyboard.press("ArrowRight")
+    why = screen.locator("#pane-why")
+    expect(why.locator(".verdict")).to_contain_text("matched")
+    strip = screen.locator("#scrub")
+    box = strip.bounding_box()
+    assert box is not None
+    share = (issued + 4.0) / float(strip.get_attribute("aria-valuemax") or 0.0)
+    screen.mouse.click(box["x"] + share * box["width"], box["y"] + 2)
+    expect(screen.locator("body")).to_have_class(re.compile(r"\bpast\b"))
+    expect(why).to_contain_text("waits for the instant of this command")
+    screen.keyboard.press("F8")
+    expect(why.locator(".verdict")).to_contain_text("matched")

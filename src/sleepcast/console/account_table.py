@@ -156,10 +156,10 @@ class AccountTable:
             None if account.instant is None else account.instant - self._began,
         )
 
-    def outcomes(self, command: str, time: float) -> bytes:
-        """For each robot, in the order of the scene's names, what its answer was at a time, as `station.SILENT` and
-        the others. Raises NoSuchCommandError."""
-        return self.desk_for(command).outcomes(command, time)[: len(self._swarm.scene.names)].tobytes()
+    def outcomes(self, command: str, time: float, names: Sequence[str]) -> bytes:
+        """For each of these robots, by place, what its answer was at a time, as `station.SILENT` and the others. Raises
+        NoSuchCommandError."""
+        return self.desk_for(command).outcomes(command, time, names)[: len(names)].tobytes()
 
     def stop(self) -> Command | None:
         """The STOP that holds, None if none does."""

@@ -254,12 +254,12 @@ class Backend:
 
     def outcomes(self, command: str, time: float = inf) -> bytes:
         """What had become of a command at a time (s of the page's time) on each robot."""
-        return self.accounts.outcomes(command, self.began + time)
+        return self.accounts.outcomes(command, self.began + time, self._names_at(time))
 
     def replies(self, command: str, robots: Sequence[int], time: float = inf) -> list[str]:
         """What these robots had answered to a question at a time, s of the page's time. Raises MisuseError for what is
         no question, and for a robot that there is not."""
-        names = [self.name_of(robot) for robot in robots]
+        names = [self._name_in(self._names_at(time), robot) for robot in robots]
         asked = next((each for each in self.accounts.commands() if each.id == command), None)
         if asked is not None and asked.kind != "ask":
             raise MisuseError(f"{command} was no question, so robots did not answer it with a value.")
@@ -294,8 +294,14 @@ class Backend:
             return commands_of(self.past.timeline, time, serial)
         return outgoing.Commands(self.accounts.rows(self.driver.held_up), serial)
 
+    def _names_at(self, time: float) -> tuple[str, ...]:
+        """The names of the robots at a time, s of the page's time, by place."""
+        return self.swarm.scene.names if self.past is None or time == inf else self.past.timeline.names_at(time)
+
     def name_of(self, robot: int) -> str:
-        names = self.swarm.scene.names
+        return self._name_in(self.swarm.scene.names, robot)
+
+    def _name_in(self, names: Sequence[str], robot: int) -> str:
         if not 0 <= robot < len(names):
             raise MisuseError(f"there is no robot number {robot}: they are numbered from 0 to {len(names) - 1}")
         if not names[robot]:

@@ -29,6 +29,10 @@ from sleepcast.station.rest import RestAccount, RestStates
 from sleepcast.station.roster import Index, Seconds, longer
 from sleepcast.station.serialized import CommandAnswersState, CommandState
 
+CAME_LATER = "was not there yet when this command was sent"
+STILL_WAITS = "waits for the instant of this command, and evaluates it then"
+"""Why a robot has not evaluated a command, after its name."""
+
 
 class Outcome(StrEnum):
     """What a robot answers to a command."""
@@ -244,6 +248,14 @@ class Answers(Mapping[str, Answer]):
             codes[: len(since)][(codes[: len(since)] == SILENT) & (since <= time)] = WAITS
         return codes
 
+    def codes_of(self, names: Sequence[str], time: float) -> NDArray[np.uint8]:
+        """The same for those who have these names, by place: who has come to the place of another robot is silent."""
+        codes = self.codes_at(time)
+        if not self.names.lasting:
+            pairs = enumerate(zip(self.names, names, strict=False))
+            codes[[place for place, (was, now) in pairs if was != now]] = SILENT
+        return codes
+
     @property
     def latest(self) -> float:
         """When the last robot answered for the first time, s; -inf if none has."""
@@ -421,6 +433,13 @@ class Command:
     def knows(self, robot: str) -> bool:
         """Whether a robot may have been there when it went out: not one that has come since, where robots do."""
         return self.answers.names.lasting or robot in self.answers.names
+
+    def unexplained(self, robot: str) -> str:
+        """Why a robot cannot have evaluated it, as a sentence about the robot; "" if it may have."""
+        if not self.knows(robot):
+            return f"{robot} {CAME_LATER}"
+        waits = (answer := self.answers.get(robot)) is not None and answer.outcome is Outcome.WAITING
+        return f"{robot} {STILL_WAITS}" if waits else ""
 
     def turn_over(self, dead: Index) -> None:
         """These robots are gone: whoever has not answered, or waits for an instant, is not asked any more."""

@@ -669,11 +669,11 @@ class Station:
         with self._lock:
             return (answer := self._sent.answer(command, robot)) is not None and answer.outcome is Outcome.HELD
 
-    def outcomes(self, command: str, time: float) -> NDArray[np.uint8]:
-        """What the command with this id had come to at a time (s of the desk's clock) on each robot, by its place on
-        the roster, as `answers.SILENT` and the others. Raises NoSuchCommandError."""
+    def outcomes(self, command: str, time: float, names: Sequence[str]) -> NDArray[np.uint8]:
+        """What the command with this id had come to at a time (s of the desk's clock) on each robot: see
+        `Answers.codes_of`. Raises NoSuchCommandError."""
         with self._lock:
-            return self._sent.get(command).answers.codes_at(time)
+            return self._sent.get(command).answers.codes_of(names, time)
 
     def answers(self, command: str, robots: Sequence[str], time: float = inf) -> list[Answer | None]:
         """What each of these robots had answered to the command with this id by a time (s of the desk's clock), None
@@ -695,6 +695,5 @@ class Station:
             return mind.why(command)
         except SleepcastError as error:
             with self._lock:
-                if command is not None:
-                    self._sent.get(command)
-            raise NoExplanationError(str(error)) from error
+                why = "" if command is None else self._sent.get(command).unexplained(robot)
+            raise NoExplanationError(why or str(error)) from error

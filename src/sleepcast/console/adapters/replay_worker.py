@@ -14,8 +14,10 @@ from multiprocessing import connection
 from time import perf_counter, thread_time
 
 import msgspec
+import numpy as np
 
 from sleepcast.channel import Kind, Message
+from sleepcast.channel.message import WAITING
 from sleepcast.channel.message_batch import AnswerColumns, MessageBatch
 from sleepcast.console import outgoing, registry
 from sleepcast.console.adapters.swarm import SwarmAdapter
@@ -33,6 +35,7 @@ from sleepcast.console.series import plain, sample_of
 from sleepcast.console.snapshots import SnapshotTimer
 from sleepcast.console.swarm_dialogue import SwarmDialogue
 from sleepcast.core.errors import SleepcastError
+from sleepcast.fleet import Fleet
 from sleepcast.loop import Pace, Swarm, resume
 from sleepcast.loop.rerun import Rerun
 from sleepcast.loop.snapshots import copy_of
@@ -40,6 +43,7 @@ from sleepcast.loop.swarm import Desk
 from sleepcast.simulator import Simulator
 from sleepcast.simulator.snapshot import scenario_of
 from sleepcast.station import Station
+from sleepcast.station.sent import CAME_LATER, STILL_WAITS
 from sleepcast.station.station import DESK
 
 LOOK = 0.02
@@ -260,21 +264,23 @@ class ReplayWorker:
             raise RerunError("This is no question why.")
 
         def is_logged() -> bool:
-            return run.swarm.fleet.evaluation_log.find(asked.robot, asked.command) is not None
+            fleet, robot = run.swarm.fleet, asked.robot
+            return fleet.names[robot] == name and fleet.evaluation_log.find(robot, asked.command) is not None
 
+        name = self._name_at(question, asked.robot)
         run = self._near("why", moment, since=True)
         if run.rerun.tick > moment.base and not is_logged():  # it may have evaluated it, and forgotten
             self._swarms.pop("why")
             run = self._near("why", moment)
-        fleet = run.swarm.fleet
         sent = next(each for _, each in moment.inputs.posted if each.id == asked.command)
         if sent.kind in UNEXPLAINED:
             raise RerunError(UNEXPLAINED[sent.kind])
-        answer = _Answer(asked.robot, asked.command)
+        answer = _Answer(run.swarm.fleet, asked.robot, name, asked.command)
         run.swarm.witnesses.append(answer)
 
         def done() -> bool:
-            return is_logged() or run.rerun.tick >= moment.tick or run.swarm.now() > sent.deadline
+            over = run.swarm.now() > sent.deadline and not answer.waits
+            return is_logged() or run.rerun.tick >= moment.tick or over
 
         try:
             self._run(run, moment, question.patience, done)
@@ -282,28 +288,52 @@ class ReplayWorker:
             run.swarm.witnesses.remove(answer)
         if not is_logged():
             if run.differs is None:
-                raise RerunError(f"{fleet.names[asked.robot]} {_why_unexplained(run, sent, answered=answer.heard)}")
+                raise RerunError(f"{name} {_why_unexplained(run, sent, answer)}")
             return ReplayAnswer(run.rerun.tick, differs=run.differs)
-        why = show_why(fleet.at(asked.robot).why(asked.command))
+        why = show_why(run.swarm.fleet.at(asked.robot).why(asked.command))
         return ReplayAnswer(run.rerun.tick, message=encode(Explained(asked.serial, why)), differs=run.differs)
+
+    def _name_at(self, question: Question, robot: int) -> str:
+        """Who is asked. Where robots come and go, others may have had its place when the command was sent."""
+        fleet = self._near("why", question.moment, since=True).swarm.fleet
+        if not fleet.names.lasting:
+            fleet = self._at("look", question).swarm.fleet
+        if not fleet.names[robot]:
+            raise RerunError(f"Robot number {robot} is not there at this moment.")
+        return fleet.names[robot]
 
 
 class _Answer:
-    """A witness of a swarm that hears whether a robot answers a command."""
+    """A witness of a swarm that hears whether a robot answers a command, or has come after it was sent."""
 
-    def __init__(self, robot: int, command: str) -> None:
-        self._robot, self._command, self.heard = robot, command, False
+    def __init__(self, fleet: Fleet, robot: int, name: str, command: str) -> None:
+        self._fleet, self._robot, self._name, self._command = fleet, robot, name, command
+        self.came_later, self.outcome = False, ""
+
+    @property
+    def waits(self) -> bool:
+        """Whether it has answered last that it waits for the command's instant."""
+        return self.outcome == WAITING
+
+    @property
+    def _there(self) -> bool:
+        """Whether the robot has its place by now."""
+        return self._fleet.names[self._robot] == self._name
 
     def ticking(self) -> None:
         """Nothing."""
 
     def posted(self, message: Message) -> None:
-        """Nothing."""
+        """The operator's message goes on the air in this tick."""
+        if message.id == self._command:
+            self.came_later = not self._there
 
     def said(self, batch: MessageBatch) -> None:
         """Robots say something."""
-        if isinstance(batch.words, AnswerColumns) and batch.words.command == self._command:
-            self.heard = self.heard or self._robot in batch.robots
+        words = batch.words
+        if isinstance(words, AnswerColumns) and words.command == self._command and self._there:
+            for index in np.flatnonzero(batch.robots == self._robot):
+                self.outcome = words.outcomes[words.outcome[index]]
 
     def ticked(self) -> None:
         """Nothing."""
@@ -312,10 +342,14 @@ class _Answer:
         """Nothing."""
 
 
-def _why_unexplained(run: RerunSwarm, sent: Message, *, answered: bool) -> str:
+def _why_unexplained(run: RerunSwarm, sent: Message, answer: _Answer) -> str:
     """Why a robot cannot explain a command, after its name: never more than what is known up to this moment."""
     now = run.swarm.now()
-    if answered:
+    if answer.came_later:
+        return f"{CAME_LATER}."
+    if answer.waits:
+        return f"{STILL_WAITS}."
+    if answer.outcome:
         return f"evaluated this command, but {run.swarm.fleet.evaluation_log.limits()}."
     if now > sent.deadline:
         return (

@@ -384,10 +384,8 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
   // ---- the timeline
 
   timeline.addEventListener("jump", () => world.forgetTrails());
-  timeline.addEventListener("turned", () => {
-    robot.askWhy();
-    mission.setElsewhere(timeline.elsewhere);
-  });
+  timeline.addEventListener("turned", () => mission.setElsewhere(timeline.elsewhere));
+  timeline.addEventListener("seen", () => robot.askWhy()); // what was true then, or is now
   timeline.addEventListener("mark", ({ detail }) => {
     marked = detail.command; // its line is there when the news of then have come
   });

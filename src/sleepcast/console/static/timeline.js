@@ -28,6 +28,7 @@ export class Timeline extends EventTarget {
     this.looks = 0; // how often this page has asked to look elsewhere
     this.sought = 0; // the timer after which a seek goes out, 0 if none waits
     this.moved = -HELD;
+    this.seen = null; // the moment of which the station last said that all of it is there, null for now
     this.marks = [];
     this.placed = 0; // the seconds for which the marks are placed
     this.find("to-live").addEventListener("click", () => this.toLive());
@@ -52,6 +53,7 @@ export class Timeline extends EventTarget {
     this.recorded = ended > 0;
     this.marks = [];
     this.looks = 0;
+    this.seen = null;
     this.setAt(null);
     this.root.hidden = !this.recorded;
     this.root.classList.toggle("recorded", this.recorded);
@@ -70,6 +72,14 @@ export class Timeline extends EventTarget {
     this.find("alternate").hidden = this.forked === null;
     this.find("fork").hidden = !span.may_fork || this.at === null;
     this.note(span);
+    this.tellSeen(span);
+  }
+
+  // The station answers for another moment from now on, and all of it is there, or never will be.
+  tellSeen({ number, at, exact, note }) {
+    if (number < this.looks || this.sought || at === this.seen || (at !== null && !exact && !note)) return;
+    this.seen = at;
+    this.dispatchEvent(new CustomEvent("seen", { detail: at }));
   }
 
   setEnds(began, ended) {

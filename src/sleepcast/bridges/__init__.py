@@ -13,11 +13,11 @@ from types import TracebackType
 from typing import Protocol, Self, cast
 
 from sleepcast.bridges.address import BodyAddress, BodyError, read_body_address
-from sleepcast.bridges.body import REST, BridgedBody, BusyError, Motion, OutOfReachError
+from sleepcast.bridges.body import REST, BridgedBody, BusyError, Motion
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.extensions import BODIES, extensions, find_extension, load_extension
 from sleepcast.core.records import dataclass
-from sleepcast.robot import Limits, Robot
+from sleepcast.robot import Limits, OutOfReachError, Robot
 
 __all__ = [
     "REST",

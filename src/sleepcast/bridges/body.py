@@ -39,7 +39,19 @@ from sleepcast.core.clock import Clock, WallClock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.model import RestState
 from sleepcast.core.records import dataclass
-from sleepcast.robot import FencedError, Limits, Reading, RobotModel, Setpoint, rest_state_of
+from sleepcast.robot import (
+    DOES_NOTHING,
+    FRESH,
+    OUT_OF_REACH,
+    REACHED_AGAIN,
+    FencedError,
+    Limits,
+    OutOfReachError,
+    Reading,
+    RobotModel,
+    Setpoint,
+    rest_state_of,
+)
 
 UNATTENDED = 1.0
 """Seconds without a look from the mind after which the body is brought to rest."""
@@ -61,12 +73,6 @@ LAG = 0.25
 """Seconds from a look at what is ahead to when what follows from it is done: two rounds, and ticks of the robot."""
 STANDSTILL, SLOWEST = 0.05, 0.05
 """m/s up to which a robot counts as at rest, and the share of its greatest speed up to which a slow one does."""
-FRESH = 1.0
-"""Seconds after which what was measured counts as unknown: the robot, or the way to it, has got stuck."""
-
-
-class OutOfReachError(SleepcastError):
-    """The body cannot be reached, now or for good."""
 
 
 class BusyError(SleepcastError):
@@ -390,7 +396,7 @@ class BridgedBody(ABC):
 
     def _check_reach(self) -> None:
         if self._lost is not None:
-            raise OutOfReachError("the body is out of reach, and does nothing")
+            raise OutOfReachError(DOES_NOTHING)
 
     # ---- the I/O thread
 
@@ -516,7 +522,7 @@ class BridgedBody(ABC):
 
     def _lose(self, why: Exception) -> None:
         """The robot is gone: nothing that is wanted of it now will be wanted when it is back."""
-        self.complain(f"the body is out of reach: {why}")  # first: whoever sees that it is lost is told why
+        self.complain(f"{OUT_OF_REACH}: {why}")  # first: whoever sees that it is lost is told why
         self._lost = why
         self.rest()
         self._pauses.reset()
@@ -533,7 +539,7 @@ class BridgedBody(ABC):
             return
         self.rest()
         self._heard = self._clock.now()
-        self.complain("the body is within reach again, and at rest until a command moves it")
+        self.complain(REACHED_AGAIN)
         self._lost = None
 
     def _miss(self, why: Exception) -> None:

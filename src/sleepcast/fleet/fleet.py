@@ -620,6 +620,10 @@ class Fleet(Mapping[str, RobotView]):
             self.authority.let_go(walked.take(moved[walked.index]))
         self.scheduler.run(rows.without(walked))
 
+    def age(self, now: float, robots: Some = None) -> None:
+        """Let be unknown what these robots have measured too long before `now` (s)."""
+        self._age(self.rows(robots), now)
+
     def _age(self, rows: Rows, now: float) -> None:
         """Set values to unknown whose measurement is too old."""
         for slot, measured in self.measured.items():

@@ -320,7 +320,8 @@ class NetworkSwarm:
         self.budget.begin()
         for member, values in turns:
             waited = self.budget.held_back
-            member.node.sense(values, now)
+            if self.simulator.robots[member.number].reached:
+                member.node.sense(values, now)
             self._think(member, now)
             if self.budget.held_back and not waited:
                 self._first = member.number

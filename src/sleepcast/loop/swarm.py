@@ -350,7 +350,13 @@ class Swarm:
         that are needed."""
         some = None if robots is None or robots.size == len(self.fleet) else robots.robots
         self.simulator.sense(some, sonars)
-        self.fleet.look(self.now(), robots)
+        cut_off = self.simulator.bodies.cut_off
+        if not cut_off.size:
+            self.fleet.look(self.now(), robots)
+            return
+        rows = self.fleet.rows() if robots is None else robots
+        self.fleet.look(self.now(), rows.take(~cut_off[rows.index]))
+        self.fleet.age(self.now(), rows)
 
     def values_of(self, text: str) -> Column:
         """What an expression comes to on each robot now; of the sonars only those are measured that it reads. Raises
@@ -390,6 +396,7 @@ def step_swarm(swarm: Swarm) -> None:
     swarm.whole = False
     _act(swarm)
     swarm.simulator.step()
+    _tell_of_links(swarm)
     _deliver(swarm)
     _think(swarm)
     _report(swarm)
@@ -408,6 +415,13 @@ def _act(swarm: Swarm) -> None:
         robots, values = swarm.fleet.actuators(actuator)
         if values.size:
             swarm.simulator.act(actuator, robots, values)
+
+
+def _tell_of_links(swarm: Swarm) -> None:
+    """Tell the desks what became of the links to bodies, as nodes do of their bridges."""
+    links = swarm.simulator.links
+    for robot, sentence in links.news if links else ():
+        swarm.fleet.outbox.report(swarm.fleet.rows([robot]), sentence)
 
 
 def _deliver(swarm: Swarm) -> None:

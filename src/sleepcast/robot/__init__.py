@@ -38,6 +38,18 @@ class FencedError(SleepcastError):
     """A body that is kept within a fence is to go, or to believe that it is, elsewhere."""
 
 
+class OutOfReachError(SleepcastError):
+    """The body cannot be reached, now or for good."""
+
+
+FRESH = 1.0
+"""Seconds after which what was measured counts as unknown: the robot, or the way to it, has got stuck."""
+OUT_OF_REACH = "the body is out of reach"
+"""How the sentence begins that says why."""
+DOES_NOTHING = f"{OUT_OF_REACH}, and does nothing"
+REACHED_AGAIN = "the body is within reach again, and at rest until a command moves it"
+
+
 @dataclass(frozen=True, slots=True)
 class Limits:
     """What a body never exceeds, whatever it is asked to do.

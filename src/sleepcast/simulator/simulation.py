@@ -20,6 +20,7 @@ from sleepcast.simulator.bodies.bodies import TURN, Bodies, Flags, Floats, Mode,
 from sleepcast.simulator.bodies.body import TUMBLE, Body, BodySenses, FlyingBody, model_of
 from sleepcast.simulator.bodies.closeness import Closeness
 from sleepcast.simulator.bodies.crashes import crash
+from sleepcast.simulator.bodies.links import Links
 from sleepcast.simulator.bodies.looking_down import DownCameras
 from sleepcast.simulator.bodies.particles import Particles
 from sleepcast.simulator.bodies.payload import Payload
@@ -104,6 +105,8 @@ class Simulator:
             functions = (*functions_of(scenario), *(payload.functions if payload else ()))
             model = model_of(scenario, self.bodies.sensors, functions, payload.actuators if payload else ())
         self.model = model
+        self.links = Links(self.bodies, scenario.cuts) if scenario.cuts else None
+        """Between minds and bodies; None where none is ever cut."""
         self.names: NameIndex = (
             NamesByRow(scenario) if self.population else names_of(scenario.each_type, self.bodies.count)
         )
@@ -173,6 +176,8 @@ class Simulator:
         if scenario.events:
             things = (*scenario.shapes, *scenario.absent)
             apply_events(self.world, scenario.events, things, self.tick + 1, scenario.tick)
+        if self.links:
+            self.links.step()
         step(self.bodies)
         self.follow()
 
@@ -401,7 +406,7 @@ class Robots(Sequence[Body]):
 
     def stop(self, robots: Whole) -> None:
         """See `Robot.stop`."""
-        self.halt(robots)
+        self.halt(self._reached(robots))
         self.bodies.stopped[robots] = True
 
     def release(self, robots: Whole) -> None:
@@ -413,7 +418,12 @@ class Robots(Sequence[Body]):
         self.stop(robots)
         self.release(robots)
         if self.bodies.flight is not None:
-            pilot_of(self.bodies).let_go(robots)
+            pilot_of(self.bodies).let_go(self._reached(robots))
+
+    def _reached(self, robots: Whole) -> Whole:
+        """Those of these bodies that their minds reach."""
+        cut_off = self.bodies.cut_off
+        return robots[~cut_off[robots]] if cut_off.size else robots
 
     def hold(self, robots: Whole, still: Flags) -> None:
         """See `Robot.hold`; still: one flag per robot."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
-from math import isnan
+from math import inf, isnan
 from weakref import WeakKeyDictionary
 
 import msgspec
@@ -24,6 +24,7 @@ from sleepcast.core.units import UNITS
 from sleepcast.simulator.bodies.bodies import MAX_SAYINGS, Mode, Saying
 from sleepcast.simulator.bodies.population import MAX_BIRTHS, NOBODY
 from sleepcast.simulator.packing import pack, unpack
+from sleepcast.simulator.scenario.events import MAX_EVENTS
 from sleepcast.simulator.scenario.fields import MAX_PARTS, ScalarField, bounds_of_fields
 from sleepcast.simulator.scenario.flight import HIGHEST, MAX_BANK, MIN_BANK
 from sleepcast.simulator.scenario.population import delayed_rows, rooms
@@ -164,6 +165,8 @@ def restore(simulator: Simulator, state: SimulatorState) -> None:
             raise SerialError("a saying of a robot that is not there, or without end")
         simulator.sayings.append(Saying(time, robot, text))
     simulator.measuring.restore(state.measures)
+    if simulator.links is not None:
+        simulator.links.look(state.tick)
     if simulator.population is not None:
         _populate(simulator, state)
     bodies.forget()
@@ -217,6 +220,9 @@ def _check(simulator: Simulator) -> None:
         if bodies.flight.wings is not None:
             within(bodies.flight.wings.airspeed, 0.0, 10_000.0, "airspeed")
         within(np.nan_to_num(bodies.flight.z), -2.0 * HIGHEST, 2.0 * HIGHEST, "z")
+        if homes := bodies.flight.homes:
+            within(np.stack((homes.x, homes.y)), -2.0 * MAX_WORLD, 2.0 * MAX_WORLD, "homes")
+            within(homes.z, -2.0 * HIGHEST, 2.0 * HIGHEST, "z of homes")
         if air := bodies.flight.air:
             within(np.stack((air.east, air.north)), -FASTEST_WIND, FASTEST_WIND, "wind")
             within(np.nan_to_num((air.anchor_x, air.anchor_y)), -2.0 * MAX_WORLD, 2.0 * MAX_WORLD, "anchor")
@@ -284,6 +290,11 @@ def _bounds(scenario: Scenario) -> Iterator[tuple[str, float, float, float]]:
     yield "m up the world", scenario.height, LEAST, MAX_WORLD
     yield "robots", scenario.robots.count, 1, MAX_ROBOTS
     yield "rows of robots", sum(rooms(scenario)), 1, MAX_ROBOTS
+    yield "links cut", len(scenario.cuts), 0, MAX_EVENTS
+    for cut in scenario.cuts:
+        yield "index of who is cut off", cut.robot, 0, scenario.robots.count - 1
+        yield "s until a link is cut", cut.time, 0.0, MAX_TIME
+        yield "s for which a link is cut", cut.lasts, 0.0, inf
     yield "lights", len(scenario.lights), 0, MAX_LIGHTS
     if scenario.pings is not None:
         yield "pings waiting", scenario.pings.queue, 1, MAX_QUEUE

@@ -10,9 +10,9 @@ from threading import Event, Lock
 from time import monotonic
 from typing import Any
 
-from sleepcast.bridges.body import OutOfReachError
 from sleepcast.core.errors import MisuseError, printable
 from sleepcast.core.extras import installing
+from sleepcast.robot import OutOfReachError
 
 SOON, AGAIN = 6.0, 0.2
 """Seconds for a quadcopter to answer at all, and after which it is asked again."""

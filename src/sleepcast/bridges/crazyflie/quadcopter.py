@@ -24,11 +24,11 @@ from typing import Protocol
 
 from sleepcast.bridges import Opening
 from sleepcast.bridges.address import BodyError, read_body_address
-from sleepcast.bridges.body import FRESH, LAG, REST, BridgedBody, Motion, OutOfReachError, clamped
+from sleepcast.bridges.body import LAG, REST, BridgedBody, Motion, clamped
 from sleepcast.bridges.crazyflie.radio import RATES, is_radio_address, radio_uri, stop_all_by_port, stop_all_by_radio
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
-from sleepcast.robot import Geometry, Limits, Reading, RobotModel, hovering
+from sleepcast.robot import FRESH, Geometry, Limits, OutOfReachError, Reading, RobotModel, hovering
 from sleepcast.robot.hovering import FLYING, GROUNDED, LANDING, LOCKED_MOTORS
 
 EXAMPLE = "crazyflie://radio0:80#E7E7E7E7E7"

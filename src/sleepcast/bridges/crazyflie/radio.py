@@ -21,9 +21,9 @@ from threading import Event, Lock, Thread
 from typing import Any, Self
 
 from sleepcast.bridges.address import BodyError
-from sleepcast.bridges.body import OutOfReachError
 from sleepcast.core.errors import MisuseError, printable
 from sleepcast.core.extras import installing
+from sleepcast.robot import OutOfReachError
 
 EVERYBODY = (0xFF, 0xE7, 0xE7, 0xE7, 0xE7)
 EMERGENCY_STOP = (bytes((0x9D, 3)), bytes((0x6D, 3)))

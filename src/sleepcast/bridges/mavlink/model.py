@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
-from sleepcast.bridges.body import FRESH
 from sleepcast.bridges.mavlink.transfer import MAX_ITEMS
 from sleepcast.core.model import HostFunction, MapOutline, Quantity
-from sleepcast.robot import BodyConstant, Geometry, Limits, RobotModel, hovering
+from sleepcast.robot import FRESH, BodyConstant, Geometry, Limits, RobotModel, hovering
 from sleepcast.robot.hovering import SELDOM, Hovering
 
 AUTO, GUIDED, LAND, TAKEOFF = "AUTO", "GUIDED", "LAND", "TAKEOFF"

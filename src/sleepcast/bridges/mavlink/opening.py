@@ -11,7 +11,7 @@ from typing import Any
 
 from sleepcast.bridges import Opening
 from sleepcast.bridges.address import BodyAddress, BodyError, read_body_address
-from sleepcast.bridges.body import PATIENCE, OutOfReachError
+from sleepcast.bridges.body import PATIENCE
 from sleepcast.bridges.mavlink.fences import fence_of
 from sleepcast.bridges.mavlink.link import LINK, MavlinkConnection, open_link, system_of
 from sleepcast.bridges.mavlink.model import MODES, PLANE
@@ -21,7 +21,7 @@ from sleepcast.bridges.mavlink.transfer import Party
 from sleepcast.bridges.mavlink.vehicle import GCS_COMPONENT_ID, GCS_SYSTEM_ID, USUAL, MavlinkVehicle
 from sleepcast.core.geodesy import LocalMap, Origin
 from sleepcast.core.model import MapOutline
-from sleepcast.robot import Limits
+from sleepcast.robot import Limits, OutOfReachError
 
 EXAMPLE = "mavlink://0.0.0.0:14550?listen=yes&key=vehicle.key#1"
 PORT = 14_550

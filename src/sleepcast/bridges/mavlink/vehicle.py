@@ -24,7 +24,7 @@ from functools import partial
 from math import cos, hypot, inf, isfinite, isnan, nan, pi, remainder, sin
 from typing import Any
 
-from sleepcast.bridges.body import FRESH, REST, BridgedBody, Motion, OutOfReachError
+from sleepcast.bridges.body import REST, BridgedBody, Motion
 from sleepcast.bridges.mavlink.link import MavlinkConnection
 from sleepcast.bridges.mavlink.model import AUTO, GUIDED, LAND, ROVER, model_of
 from sleepcast.bridges.mavlink.orders import (
@@ -53,7 +53,7 @@ from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, printable
 from sleepcast.core.geodesy import LocalMap, Origin
 from sleepcast.core.model import MapOutline
-from sleepcast.robot import FencedError, Limits, Reading, hovering
+from sleepcast.robot import FRESH, FencedError, Limits, OutOfReachError, Reading, hovering
 
 USUAL = 5.0
 """m: the height of a take-off."""

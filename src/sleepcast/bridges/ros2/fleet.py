@@ -11,10 +11,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from sleepcast.bridges.body import FRESH
 from sleepcast.bridges.ros2.mapping import MAX_NAME, CommandTopic, RobotMapping, SensorTopic, is_namespace, read_mapping
 from sleepcast.bridges.ros2.robot import Ros2Body, body_on
 from sleepcast.core.settings import SettingsError, read_text
+from sleepcast.robot import FRESH
 
 if TYPE_CHECKING:
     from sleepcast.bridges.ros2.link import DiscoveredEndpoint, Ros2Network

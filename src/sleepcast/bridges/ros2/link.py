@@ -25,12 +25,12 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
-from sleepcast.bridges.body import OutOfReachError
 from sleepcast.bridges.ros2.mapping import CLOCK, CommandTopic, RobotMapping, SensorTopic, TopicReading
 from sleepcast.bridges.ros2.messages import READ, SHORT, Clock, made, read, ros_type, seconds, stamp
 from sleepcast.core.clock import Clock as Time
 from sleepcast.core.clock import WallClock
 from sleepcast.core.errors import MisuseError, printable
+from sleepcast.robot import OutOfReachError
 
 AT_ONCE = 1_000
 """Endpoints of others that are looked at in one round."""

@@ -13,13 +13,12 @@ from math import inf, isfinite, isinf, isnan, pi
 from pathlib import Path
 from typing import NamedTuple
 
-from sleepcast.bridges.body import FRESH
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.model import Quantity
 from sleepcast.core.records import dataclass
 from sleepcast.core.settings import Table, checked_name, toml_document
 from sleepcast.core.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME, UNITS
-from sleepcast.robot import Limits
+from sleepcast.robot import FRESH, Limits
 
 CLOCK = "/clock"
 """Where a simulation says what time it is."""

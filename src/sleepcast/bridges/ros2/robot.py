@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from sleepcast.bridges import Opening
 from sleepcast.bridges.address import BodyError, read_body_address
-from sleepcast.bridges.body import FRESH, BridgedBody, Motion, OutOfReachError
+from sleepcast.bridges.body import BridgedBody, Motion
 from sleepcast.bridges.ros2.mapping import (
     CLOCK,
     TURTLEBOT,
@@ -48,7 +48,7 @@ from sleepcast.core.extras import installing
 from sleepcast.core.model import HostFunction
 from sleepcast.core.records import dataclass
 from sleepcast.core.units import NONE, UNITS, Dimension
-from sleepcast.robot import Geometry, Reading, RobotModel
+from sleepcast.robot import FRESH, Geometry, OutOfReachError, Reading, RobotModel
 
 if TYPE_CHECKING:
     from sleepcast.bridges.ros2.link import Ros2Network

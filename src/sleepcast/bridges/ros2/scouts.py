@@ -27,13 +27,12 @@ from cyclonedds.core import DDSException
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 
-from sleepcast.bridges.body import OutOfReachError
 from sleepcast.bridges.ros2.link import GRADES, DiscoveredEndpoint, Ros2Network, saying, stays_apart
 from sleepcast.bridges.ros2.mapping import CLOCK, FASTEST, is_namespace
 from sleepcast.bridges.ros2.messages import Bool, Clock, TFMessage, Twist, TwistStamped, ros_type, seconds, time_of
 from sleepcast.bridges.ros2.sensors import TOLD, PublishedTopic, RobotSensors
 from sleepcast.core.errors import MisuseError
-from sleepcast.robot import RobotServer, ServedRobot
+from sleepcast.robot import OutOfReachError, RobotServer, ServedRobot
 
 FORGOTTEN = 0.5
 """Simulated seconds for which a velocity holds."""

@@ -7,7 +7,7 @@ from math import inf, pi
 
 from sleepcast.bridges import Opening
 from sleepcast.bridges.address import BodyError, read_body_address
-from sleepcast.bridges.body import FRESH, PATIENCE
+from sleepcast.bridges.body import PATIENCE
 from sleepcast.core.model import HostFunction, Quantity
 from sleepcast.core.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME, Dimension
 from sleepcast.nomad.bridge.robot import BASES, Base, NomadRobot
@@ -15,7 +15,7 @@ from sleepcast.nomad.bridge.vocabulary import VOCABULARY, nomad_vocabulary
 from sleepcast.nomad.client.nomad import PORT, Nomad
 from sleepcast.nomad.wire.state import RING
 from sleepcast.nomad.wire.units import INCH, INFRARED_STEP, NOTHING_HEARD, NOTHING_NEAR
-from sleepcast.robot import Geometry, Limits, RobotModel
+from sleepcast.robot import FRESH, Geometry, Limits, RobotModel
 
 _RANGE = NOTHING_HEARD * INCH
 _VOLTS = (0.0, 13.0)

@@ -104,6 +104,8 @@ class Bodies:
     side_speed: to the left of those that drive in every direction, m/s
     target_x, target_y: destination of GOTO, m
     stopped, held: latched by STOP, held still
+    still: held still by minds that reach their bodies; `held` itself where no link is cut
+    cut_off: whose mind does not reach the body, as `links` say; empty where no link is cut
     swing: remaining angle of a tumble, rad
     roaming: turn rate of a wandering body, rad/s
     uses, drains: what each store loses per metre and per second, shape (stores,)
@@ -176,6 +178,8 @@ class Bodies:
         self.target_x, self.target_y = np.zeros(self.count), np.zeros(self.count)
         self.swing, self.roaming = np.zeros(self.count), np.zeros(self.count)
         self.stopped, self.held = np.zeros(self.count, bool), np.zeros(self.count, bool)
+        self.still = self.held.copy() if scenario.cuts else self.held
+        self.cut_off = np.zeros(self.count if scenario.cuts else 0, bool)
         self.side_speed: Floats = self.known[names.index(SIDE_SPEED)] if robots.omni else np.zeros(0)
         self.wanted_side = np.zeros(self.count if robots.omni or robots.flight else 0)
         self.flight: Flight | None = None
@@ -470,6 +474,7 @@ class Bodies:
         if self.wanted_side.size:
             wanted["drive_side"] = self.wanted_side
         stopped = self.stopped | ~have[actuator] if actuator in have else self.stopped
+        stopped = stopped | self.cut_off if self.cut_off.size else stopped
         if actuator not in wanted:
             raise MisuseError(f'no actuator "{actuator}"{did_you_mean(actuator, wanted)}: wanted {" or ".join(wanted)}')
         if isinstance(which, slice):

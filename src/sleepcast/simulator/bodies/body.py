@@ -5,8 +5,9 @@ A `Body` is a `Robot`. It only stores commands; the next tick executes them with
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import cache
 from math import isfinite, isnan, nan, pi
 from operator import attrgetter
 from typing import Any, Protocol, TypeVar
@@ -16,7 +17,7 @@ import numpy as np
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import BodyColumn, HostFunction, Quantity, RestState, Writing
 from sleepcast.core.units import LENGTH, NONE, RATE, SPEED, Dimension
-from sleepcast.robot import Geometry, Reading, RobotModel, Setpoint, hovering
+from sleepcast.robot import DOES_NOTHING, Geometry, OutOfReachError, Reading, RobotModel, Setpoint, hovering
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Floats, Mode, Saying, Whole
 from sleepcast.simulator.bodies.particles import Particles
 from sleepcast.simulator.bodies.pilot import Pilot, Results, pilot_of
@@ -24,7 +25,7 @@ from sleepcast.simulator.bodies.population import Population
 from sleepcast.simulator.scenario.population import hatches, sort_constants
 from sleepcast.simulator.scenario.robot_settings import TENTH, Ring, RobotSpec
 from sleepcast.simulator.scenario.scenario import Scenario
-from sleepcast.simulator.scenario.sensors import sonar_sensors
+from sleepcast.simulator.scenario.sensors import by_link, sonar_sensors
 from sleepcast.simulator.scenario.signals import signal_constants
 from sleepcast.simulator.simd.formulas import shortest
 from sleepcast.simulator.world.torus import PLAIN
@@ -65,9 +66,17 @@ class Body:
 
     def sense(self) -> Reading:
         bodies = self._bodies
-        return Reading(bodies.time, tuple(bodies.readings([self.number])[0]))
+        values = bodies.readings([self.number])[0]
+        return Reading(bodies.time, tuple(values) if self.reached else (nan,) * len(values))
+
+    @property
+    def reached(self) -> bool:
+        """Whether its mind reaches it."""
+        return not self._bodies.cut_off.size or not self._bodies.cut_off[self.number]
 
     def act(self, wanted: Setpoint) -> None:
+        if not self.reached:
+            return
         speed = self._bodies.wanted_speed[self.number] if isnan(wanted.speed) else wanted.speed
         turn = self._bodies.wanted_turn[self.number] if isnan(wanted.turn_rate) else wanted.turn_rate
         if self._bodies.flight is None or not (isnan(wanted.speed) and isnan(wanted.turn_rate)):
@@ -77,7 +86,8 @@ class Body:
                 self._bodies.act(actuator, np.array([self.number]), np.array([value]))
 
     def stop(self) -> None:
-        self.halt()
+        if self.reached:
+            self.halt()
         self._bodies.stopped[self.number] = True
 
     def release(self) -> None:
@@ -228,7 +238,28 @@ class FlyingBody(Body):
     def let_go(self) -> None:
         self.stop()
         self.release()
-        pilot_of(self._bodies).let_go(np.array([self.number]))
+        if self.reached:
+            pilot_of(self._bodies).let_go(np.array([self.number]))
+
+
+@cache
+def _reaching(function: HostFunction) -> HostFunction:
+    """This function where links are cut: a fault of a robot whose mind does not reach its body."""
+
+    def call(body: Body, *arguments: Any) -> float | None:
+        if not body.reached:
+            raise OutOfReachError(DOES_NOTHING)
+        return function.call(body, *arguments)
+
+    return replace(function, call=call, many=None, writes=())
+
+
+def _by_link(scenario: Scenario, functions: Sequence[HostFunction]) -> Iterator[HostFunction]:
+    """These functions, by a link that may be cut. All but ALL-MOTORS-OFF, which the radio carries to everybody, and
+    what no body does."""
+    for each in functions:
+        ends = each.name != "ALL-MOTORS-OFF" and (each.moves or each.irreversible)
+        yield _reaching(each) if scenario.cuts and each.acts and ends else each
 
 
 def acting(
@@ -453,7 +484,9 @@ def model_of(
     sonars = _reading(robots.ring) if robots.ring and not scenario.sorts else SONAR_FUNCTIONS
     return RobotModel(
         robots.type,
-        sensors=(*sensors, *(sonar_sensors(robots.ring, scenario.length_unit) if robots.ring else ())),
+        sensors=by_link(
+            scenario, (*sensors, *(sonar_sensors(robots.ring, scenario.length_unit) if robots.ring else ()))
+        ),
         actuators=(
             *(
                 Quantity("drive_speed", "m/s", -speed, speed, doc="drives at this speed", shown_as=robots.speed_unit),
@@ -464,8 +497,8 @@ def model_of(
             *actuators,
         ),
         functions=(
-            *(replace(each, writes=writes.get(each.name, ())) for each in _moving(scenario)),
-            *_lacking(scenario, wheels if robots.wheels else ()),
+            *_by_link(scenario, [replace(each, writes=writes.get(each.name, ())) for each in _moving(scenario)]),
+            *_by_link(scenario, _lacking(scenario, wheels if robots.wheels else ())),
             *_lacking(scenario, sonars if robots.geometry.sonars else ()),
             *(POPULATION_FUNCTIONS if hatches(scenario) else ()),
             *functions,

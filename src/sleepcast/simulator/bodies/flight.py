@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from sleepcast.robot import Limits
 from sleepcast.simulator.bodies.air import Air, pushed_down
+from sleepcast.simulator.bodies.homes import Homes
 from sleepcast.simulator.bodies.moved import Grounded
 from sleepcast.simulator.bodies.wings import Wings
 from sleepcast.simulator.motion import flying
@@ -99,6 +100,8 @@ class Flight:
         gliding = any(each is not None and each.stall > 0.0 for _, each in flights)
         self.wings = Wings(bodies, self) if gliding else None
         """Those that are planes; None where none is."""
+        self.homes = Homes(bodies, self) if self.returns_home.any() else None
+        """Where they have taken off; None where nobody returns there."""
         self._usual: Floats = bodies.by_type([each.height if each else nan for _, each in flights])
         """m above the ground to which a take-off leads that does not say it."""
         charged = BATTERY in bodies.store_names
@@ -128,7 +131,8 @@ class Flight:
         """The arrays that a run changes, by name, besides what bodies sense."""
         names = ("velocity_x", "velocity_y", "wanted_side", "wanted_climb", "target_z", "locked")
         columns = {name: getattr(self, name) for name in names} | (self.air.columns if self.air else {})
-        return columns | self.wings.columns if self.wings else columns
+        columns |= self.wings.columns if self.wings else {}
+        return columns | self.homes.columns if self.homes else columns
 
     def start(self) -> None:
         """Stand where the scenario says, or on the roof of what is there; who starts in the air hovers there."""
@@ -146,6 +150,8 @@ class Flight:
         self.armed[rows] = self.flying[rows] = up
         self.height[rows] = self.z[rows] - self.ground[rows]
         self.climb_rate[rows] = self.turn_rate[rows] = self.crashed[rows] = 0.0
+        if self.homes:
+            self.homes.set(np.flatnonzero(self.flies), self.z[self.flies])
         if self.wings:
             self.wings.start()
 
@@ -185,12 +191,14 @@ class Flight:
         """Move all that fly through a tick, and let it use up their batteries."""
         bodies, rows, laws = self._bodies, self._rows, self._laws
         self.keep_up()
+        if self.homes:
+            self.homes.step()
         if self.compiles:
             self._step_compiled()
             return
         ground, before = self.ground[rows], self.z[rows].copy()
         empty, up = self._begin()
-        held = bodies.held[rows] & ~empty[rows]
+        held = bodies.still[rows] & ~empty[rows]
         falls = (before > ground) & (self.armed[rows] == 0.0)
         moves = up & ~held
         turn = self._turn(moves)
@@ -243,6 +251,7 @@ class Flight:
         own = {"z", "velocity_x", "velocity_y", "turn_rate", "climb_rate", "armed", "flying", "height"}
         own |= {"wanted_climb", "target_z"}
         names, others = FlightColumns._fields, dict(zip(("way_x", "way_y", "way_z"), self.way, strict=True))
+        others["held"] = self._bodies.still
         columns = self.air.columns if self.air else {}
         for name in ("wind_east", "wind_north", "anchor_x", "anchor_y"):
             others[name] = columns.get(name, np.empty(0))
@@ -456,6 +465,11 @@ class Flight:
         return self._of_types(lambda flight: flight.failsafe == "land")
 
     @property
+    def returns_home(self) -> Flags:
+        """Which bodies return to where they have taken off where nobody drives them any more."""
+        return self._of_types(lambda flight: flight.failsafe == "rtl")
+
+    @property
     def cuts(self) -> Flags:
         """Which bodies have an emergency stop."""
         return self._of_types(lambda flight: flight.cuts)
@@ -478,6 +492,8 @@ class Flight:
     def rest(self, which: Whole, target: float = nan) -> None:
         """End what moves these bodies, but for the height to which they go, m; nan for none, `LANDS` for the ground. A
         plane in the air circles, and one that lands goes on with it."""
+        if self.homes is not None:
+            self.homes.returns[which] = False
         if self.wings is not None:
             up, lands = self.wings.is_up(which), (target == LANDS) & (self.target_z[which] == LANDS)
             self.wings.rest(which[up & ~lands], target)

@@ -48,6 +48,7 @@ class Grounded(Protocol):
     speed: Floats
     mode: NDArray[np.int8]
     held: Flags
+    still: Flags
     stopped: Flags
     wanted_speed: Floats
     wanted_turn: Floats
@@ -62,6 +63,8 @@ class Grounded(Protocol):
     def by_type(self, values: Sequence[float], /) -> Floats: ...
 
     def drawn(self, purpose: str, /) -> Floats: ...
+
+    def go_to(self, which: Whole, x: Floats, y: Floats, /) -> None: ...
 
     def exhausted(self) -> Flags | None: ...
 
@@ -81,3 +84,23 @@ class Aloft(Protocol):
     def laws_of(self, which: Whole | slice, /) -> FlightLaws: ...
 
     def below(self, x: Floats, y: Floats, z: Floats, /) -> Floats: ...
+
+
+class Rooms(Protocol):
+    """Planes, as far as it concerns where there is room for their circles; see `wings.Wings`."""
+
+    planes: Flags
+
+    def roomy(self, which: Whole, x: Floats, y: Floats, /) -> tuple[Floats, Floats]: ...
+
+
+class Returning(Protocol):
+    """What flies among bodies, as far as it concerns its way home; see `flight.Flight`."""
+
+    z: Floats
+    target_z: Floats
+
+    @property
+    def wings(self) -> Rooms | None: ...
+
+    def rest(self, which: Whole, target: float = ..., /) -> None: ...

@@ -68,7 +68,7 @@ class Particles(Flight):
         """Move all through a tick."""
         bodies, laws = self._bodies, self._laws
         exhausted = bodies.exhausted()
-        moves = ~bodies.held if exhausted is None else ~(bodies.held | exhausted)
+        moves = ~bodies.still if exhausted is None else ~(bodies.still | exhausted)
         turns = moves & self.aim.any(axis=0)  # others keep their directions to the last bit
         direction = np.stack(steering.pointing(bodies.heading, self.pitch))
         turned = steering.turned(direction, steering.unit(self.aim), laws.turn_rate * laws.tick)

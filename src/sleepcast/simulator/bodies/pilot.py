@@ -69,6 +69,9 @@ class Pilot(NamedTuple):
             flight.wings.take_off(stand[flight.wings.planes[stand]])
         flight.armed[told.free] = 1.0
         flight.target_z[told.free] = targets[told.obeys]
+        if flight.homes:
+            flight.homes.set(stand, flight.target_z[stand])
+            flight.homes.returns[told.free] = False
         return told.results
 
     def touch_down(self, robots: Whole) -> Results:
@@ -122,8 +125,12 @@ class Pilot(NamedTuple):
         return told.results
 
     def let_go(self, which: Whole) -> None:
-        """Land those of these bodies that land where nobody drives them any more."""
-        self.land(which[self.flight.lands_alone[which]])
+        """Land those of these bodies that land where nobody drives them any more, and send those home that return."""
+        flight = self.flight
+        self.land(which[flight.lands_alone[which]])
+        if flight.homes:
+            up = flight.z[which] > flight.ground[which]
+            flight.homes.go(which[flight.returns_home[which] & up])
 
     def land(self, which: Whole) -> None:
         """Bring these bodies down where they are."""

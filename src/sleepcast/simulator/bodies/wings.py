@@ -153,7 +153,7 @@ class Wings:
 
     def _circle_while_held(self) -> None:
         """Let those circle where they are that are held still from this tick on."""
-        held = self._bodies.held[self.rows]
+        held = self._bodies.still[self.rows]
         newly = self.rows[held & ~self.was_held[self.rows]]
         self.was_held[self.rows] = held
         lands = self._flight.target_z[newly] == -np.inf
@@ -175,7 +175,7 @@ class Wings:
         height: to which they go, m; nan for the one at which they are, within floor and ceiling."""
         bodies, flight = self._bodies, self._flight
         new = which[~self.circles(which)]
-        bodies.target_x[new], bodies.target_y[new] = self._roomy(new)
+        bodies.target_x[new], bodies.target_y[new] = self.roomy(new, bodies.x[new], bodies.y[new])
         bodies.mode[which] = GOTO
         self.climbs_out[which] = False
         level = bounded(flight.z[which], flight.ground[which] + self._floor[which], self._ceiling[which])
@@ -191,11 +191,10 @@ class Wings:
         on: Flags = self.is_up(which) & near & ~self.climbs_out[which]
         return on
 
-    def _roomy(self, which: Whole) -> tuple[Floats, Floats]:
-        """The places nearest to these planes around which there is room for their circles."""
-        bodies, circle = self._bodies, self.circle[which]
+    def roomy(self, which: Whole, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+        """The places nearest to these around which there is room for the circles of these planes."""
+        circle = self.circle[which]
         left, bottom, right, top = self.laws_of(which).edges
-        x, y = bodies.x[which], bodies.y[which]
         return bounded(x, left + circle, right - circle), bounded(y, bottom + circle, top - circle)
 
     def settle(self, which: Whole) -> None:

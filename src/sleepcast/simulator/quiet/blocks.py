@@ -134,7 +134,7 @@ def covered(simulator: Simulator) -> bool:
         return False
     if bodies.flight is not None and (bodies.flight.air is not None or not bodies.flight.compiles):
         return False
-    if scenario.robots.omni:
+    if scenario.robots.omni or scenario.cuts or (bodies.flight is not None and bodies.flight.homes is not None):
         return False
     if scenario.lights or scenario.pings or scenario.stocks or scenario.fields or scenario.noise or bodies.counts:
         return False

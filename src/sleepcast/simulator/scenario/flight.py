@@ -27,6 +27,8 @@ CRASHED = "crashed"
 """What a real one cannot say of itself."""
 GRAVITY = 9.81
 """m/s2 at which a body falls whose motors are off, and by which a plane turns in its bank."""
+LEAST_WATCHDOG = 0.1
+"""s: shorter, the motors of a body would stop between two of its mind's ticks."""
 LEAST_STALL = 0.1
 """m/s: slower, a plane would be a balloon."""
 MIN_BANK, MAX_BANK = pi / 180.0, 80.0 * pi / 180.0
@@ -52,7 +54,8 @@ class FlightSpec:
     height: of a take-off that says none, m above the ground
     hovers: s for which a full battery keeps it in the air, inf for ever
     climbs: m that it climbs on a full battery, apart from that
-    failsafe: "hover" or "land": what it does where nobody drives it any more
+    failsafe: "hover", "land" or "rtl", to return and land: what it does where nobody drives it any more
+    watchdog: s without a setpoint after which its motors stop for good; inf for never
     cuts: whether it has an emergency stop, after which it falls
     stall: speed below which it does not fly, m/s, of a plane; 0 for what hovers
     bank: greatest one of a plane, rad
@@ -70,6 +73,14 @@ class FlightSpec:
     bank: float = 0.0
     circle: float = 0.0
     particle: bool = False
+    watchdog: float = inf
+
+    @property
+    def safe(self) -> str:
+        """What it does where nobody drives it any more, in words."""
+        if self.stall:
+            return {"hover": "circles", "land": "lands", "rtl": "circles at home"}[self.failsafe]
+        return {"hover": "hovers", "land": "lands", "rtl": "returns home and lands"}[self.failsafe]
 
 
 def read_particle(robots: Table, limits: Limits) -> tuple[FlightSpec, Limits]:
@@ -109,8 +120,9 @@ def read_flight(robots: Table, limits: Limits, size: tuple[float, float]) -> tup
             height=table.number("height", LENGTH, low=floor, high=ceiling),
             hovers=table.number("hovers", TIME, inf, low=1.0),
             climbs=table.number("climbs", LENGTH, inf, low=1.0),
-            failsafe=table.text("failsafe", "hover", choices=("hover", "land")),
+            failsafe=table.text("failsafe", "hover", choices=("hover", "land", "rtl")),
             cuts=table.flag("emergency_stop", False),
+            watchdog=table.number("watchdog", TIME, inf, low=LEAST_WATCHDOG),
             **_wings(table, limits, size) if table.has("stall") else {},
         )
         return spec, replace(limits, climb=climb, floor=floor, ceiling=ceiling)

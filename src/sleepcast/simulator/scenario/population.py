@@ -29,7 +29,7 @@ from sleepcast.simulator.scenario.signals import MAX_DELAYED
 
 def comes_and_goes(scenario: Scenario) -> bool:
     """Whether robots come, or go."""
-    return any(spec.hatch or spec.most or spec.at for spec in scenario.each_type)
+    return any(spec.comes_and_goes for spec in scenario.each_type)
 
 
 def hatches(scenario: Scenario) -> bool:

@@ -205,6 +205,11 @@ class RobotSpec:
         """How far from the point below it the camera of such a robot sees at most, m."""
         return self.limits.ceiling * tan(self.camera / 2.0) if self.camera else 0.0
 
+    @property
+    def comes_and_goes(self) -> bool:
+        """Whether such robots come, or go."""
+        return bool(self.hatch or self.most or self.at)
+
 
 def read_count(robots: Table, groups: tuple[RobotGroup, ...], rows: Sequence[Table] | None) -> int:
     """Number of robots in the table `robots`; for groups it follows from their counts, else for poses (`rows`) from

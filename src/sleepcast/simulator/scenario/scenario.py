@@ -24,7 +24,7 @@ from sleepcast.core.ticks import nearest_ticks
 from sleepcast.core.units import LENGTH, SPEED, TIME
 from sleepcast.robot import BodyConstant
 from sleepcast.simulator.scenario.areas import read_areas
-from sleepcast.simulator.scenario.events import Event, read_events
+from sleepcast.simulator.scenario.events import Event, LinkCut, read_events
 from sleepcast.simulator.scenario.fields import Field, field_sensors, read_fields
 from sleepcast.simulator.scenario.flight import NAMES as FLIGHT_NAMES
 from sleepcast.simulator.scenario.flight import PARTICLE_NAMES, refuse_mixture, seen_above
@@ -129,6 +129,7 @@ class Scenario:
     shapes: solid things in the world at the start
     absent: things that may be added later
     events: timed changes
+    cuts: of links between minds and bodies, timed
     fenced: whether robots turn back at the world's edge on their own
     torus: whether it has no edge
     constants: named numbers for rules
@@ -183,6 +184,7 @@ class Scenario:
     measures: tuple[MeasureSpec, ...] = ()
     absent: tuple[Shape, ...] = ()
     events: tuple[Event, ...] = ()
+    cuts: tuple[LinkCut, ...] = ()
     sorts: tuple[RobotSpec, ...] = ()
     nomad: bool = False
     areas: tuple[NamedArea, ...] = ()
@@ -325,7 +327,8 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> t
         refuse_clashes(root, tables, taken, constants, groups)
         radio, telemetry = _radio(root, size, version)
         points = {each.name: (each.x, each.y) for each in places} | {each.name: (each.x, each.y) for each in lights}
-        timed = root.has("events") and changes.walls  # a run without solid things has no changes of them
+        names = () if any(spec.comes_and_goes for spec in specs) else names_of(specs, robots.count)
+        events, cuts = read_events(root, world.shapes, world.absent, size, MAX_TIME, names, solid=changes.walls)
         scenario = Scenario(
             name=name,
             path=file,
@@ -342,7 +345,8 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> t
             fenced=world.fenced,
             robots=robots,
             absent=world.absent,
-            events=read_events(root, world.shapes, world.absent, size, MAX_TIME) if timed else (),
+            events=events,
+            cuts=cuts,
             sorts=specs if len(specs) > 1 else (),
             places=places,
             noise=_noise(root, robots, local_fields),

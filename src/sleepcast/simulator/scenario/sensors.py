@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from math import inf, pi
 
 from sleepcast.core.model import Quantity
+from sleepcast.robot import FRESH, hovering
 from sleepcast.simulator.scenario.fields import field_sensors
-from sleepcast.simulator.scenario.flight import flight_sensors
+from sleepcast.simulator.scenario.flight import BATTERY, flight_sensors
 from sleepcast.simulator.scenario.groups import value_quantities
 from sleepcast.simulator.scenario.predation import predation_sensors
 from sleepcast.simulator.scenario.robot_settings import SIDE_SPEED, Ring
@@ -51,6 +54,17 @@ def sensors_of(scenario: Scenario) -> tuple[Quantity, ...]:
         *field_sensors(scenario.fields),
         *predation_sensors(scenario.predation),
     )
+
+
+def by_link(scenario: Scenario, sensors: Sequence[Quantity]) -> tuple[Quantity, ...]:
+    """These sensors as minds have them. Where a scenario cuts links, what a body has measured grows old as it does
+    behind a bridge; what robots are told before they start does not."""
+    if not scenario.cuts:
+        return tuple(sensors)
+    told = {f"{place.name}_{axis}" for place in scenario.places for axis in "xy"}
+    told |= {value.name for value in value_quantities(scenario.robots.groups)}
+    ages = {BATTERY: hovering.SELDOM}
+    return tuple(each if each.name in told else replace(each, freshness=ages.get(each.name, FRESH)) for each in sensors)
 
 
 def sonar_sensors(ring: Ring, length: str) -> tuple[Quantity, ...]:

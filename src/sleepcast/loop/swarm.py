@@ -396,7 +396,6 @@ def step_swarm(swarm: Swarm) -> None:
     swarm.whole = False
     _act(swarm)
     swarm.simulator.step()
-    _tell_of_links(swarm)
     _deliver(swarm)
     _think(swarm)
     _report(swarm)
@@ -415,13 +414,6 @@ def _act(swarm: Swarm) -> None:
         robots, values = swarm.fleet.actuators(actuator)
         if values.size:
             swarm.simulator.act(actuator, robots, values)
-
-
-def _tell_of_links(swarm: Swarm) -> None:
-    """Tell the desks what became of the links to bodies, as nodes do of their bridges."""
-    links = swarm.simulator.links
-    for robot, sentence in links.news if links else ():
-        swarm.fleet.outbox.report(swarm.fleet.rows([robot]), sentence)
 
 
 def _deliver(swarm: Swarm) -> None:
@@ -545,8 +537,16 @@ def _is_sampled(swarm: Swarm) -> bool:
     return swarm.simulator.tick % swarm.telemetry_ticks == 0
 
 
+def _tell_of_links(swarm: Swarm) -> None:
+    """Tell the desks what became of the links to bodies, as nodes do of their bridges."""
+    links = swarm.simulator.links
+    for robot, sentence in links.news if links else ():
+        swarm.fleet.outbox.report(swarm.fleet.rows([robot]), sentence)
+
+
 def _report(swarm: Swarm) -> None:
     """Send the robots' messages, let the desk receive what is due, and sample telemetry when it is due."""
+    _tell_of_links(swarm)
     for batch in swarm.fleet.take_messages():
         swarm.radio.send_all(batch)
         for witness in swarm.witnesses:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from math import inf, isnan
 
 import numpy as np
@@ -242,7 +242,10 @@ def test_neither_stop_nor_actuators_nor_functions_reach_it_but_stop_holds_when_i
 def test_an_emergency_stop_for_all_reaches_it_by_the_radio() -> None:
     simulator = sky("crazyflie1")
     steps(simulator, 1.5)
-    simulator.robots[TINY_BELOW].cut_all_motors()
+    functions = {each.name: each for each in simulator.model.functions}
+    cut_own: Callable[..., object] = functions["MOTORS-OFF"].call
+    assert outcome(cut_own, simulator.robots[TINY]) == (OutOfReachError, DOES_NOTHING)  # type: ignore[arg-type]
+    functions["ALL-MOTORS-OFF"].call(simulator.robots[TINY])
     steps(simulator, 0.2)
     assert simulator.bodies.flight is not None
     assert simulator.bodies.flight.flying[TINY] == 0.0

@@ -255,10 +255,10 @@ def _reaching(function: HostFunction) -> HostFunction:
 
 
 def _by_link(scenario: Scenario, functions: Sequence[HostFunction]) -> Iterator[HostFunction]:
-    """These functions, by a link that may be cut. All but ALL-MOTORS-OFF, which the radio carries to everybody, and
+    """These functions, by a link that may be cut. All but the emergency stop for all, which a radio carries, and
     what no body does."""
     for each in functions:
-        ends = each.name != "ALL-MOTORS-OFF" and (each.moves or each.irreversible)
+        ends = each.call is not Body.cut_all_motors and (each.moves or each.irreversible)
         yield _reaching(each) if scenario.cuts and each.acts and ends else each
 
 

@@ -32,7 +32,7 @@ class PrepareError(SleepcastError):
 def prepare(as_json: bool, quiet: bool) -> int:
     """Compile what the robots of all included scenarios need, and keep it in your cache folder.
 
-    This takes a processor half a minute, once for each version of sleepcast and numba and for each type of processor.
+    This takes a processor a minute or two, once for each version of sleepcast and numba and for each type of processor.
     Without it, the first scenario that needs something compiles it while you wait.
 
     \b
@@ -101,7 +101,7 @@ def _progress(count: int, quiet: bool) -> Iterator[Callable[[str], object]]:
 
     console = Console(stderr=True)
     if quiet or not console.is_terminal:
-        sentence = f"compiling some {KERNELS} kernels for this computer, half a minute of a processor's time ..."
+        sentence = f"compiling some {KERNELS} kernels for this computer, a minute or two of a processor's time ..."
         with nullcontext() if quiet else told_unless_soon(sentence):
             yield lambda name: None
         return

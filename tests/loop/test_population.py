@@ -307,7 +307,7 @@ def test_a_robot_does_not_explain_what_another_one_did_in_its_row() -> None:
         run.send("(WHEN (= id 2) (HATCH sheep 2))")
         run.run(1)
         assert run.swarm.minds["sheep11"].index == 0
-        with pytest.raises(SleepcastError, match="sheep11 remembers no command"):
+        with pytest.raises(SleepcastError, match="sheep11 was not there yet when this command was sent"):
             run.why("sheep11", sent)
         assert "id" in str(run.why("sheep2", sent))
 

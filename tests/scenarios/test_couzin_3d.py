@@ -66,9 +66,13 @@ def remembered(seed: int, widths: Iterable[str], seconds: float) -> list[tuple[f
 UP_AND_DOWN: Sequence[str] = ("1m", "1.5m", "2m", "2.5m", "3m", "4m", "5m", "4m", "3m", "2.5m", "2m", "1.5m", "1m")
 
 
-def test_the_width_of_one_zone_makes_a_torus_or_a_group_that_travels() -> None:
-    assert is_in("torus", *settled("torus", 1, 40.0))
+def test_a_wide_zone_makes_a_group_that_travels() -> None:
     assert is_in("parallel", *settled("parallel", 1, 20.0))
+
+
+@pytest.mark.nightly
+def test_a_narrow_zone_makes_a_torus() -> None:
+    assert is_in("torus", *settled("torus", 1, 40.0))
 
 
 @pytest.mark.nightly

@@ -120,7 +120,8 @@ def test_machines_agree_on_the_gallery_without_sonars(name: str) -> None:
     for machine in ALL:
         sim = Simulator(scenario, 3, machine)
         for number, body in enumerate([*sim.robots][:30]):
-            goes = partial(body.go_to, 1.0, 1.0) if sim.bodies.flight is None else body.take_off
+            flight = sim.bodies.flight
+            goes = body.take_off if flight is not None and flight.hovers[number] else partial(body.go_to, 1.0, 1.0)
             (body.wander, body.tumble, goes)[number % 3]()
         for _ in range(40):
             sim.step()

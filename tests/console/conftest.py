@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from console.running import Page, Program, let_run, open_page
-from small_worlds import write
+from small_worlds import SMALL, write
 
 COMMANDS = """
 [[commands]]
@@ -17,12 +17,16 @@ text = "(WHEN (> battery 60%) (JOIN crew))"
 """
 
 
+def page_of(folder: Path, text: str = SMALL, more: str = "") -> Program:
+    """The program with the page of the world that this text makes, with COMMANDS and `more` at its end; in a folder."""
+    write(folder, more=COMMANDS + more, text=text)
+    return Program("run", folder, "--page")
+
+
 @pytest.fixture(scope="module")
 def small(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
     """Twenty rovers on a page."""
-    folder = tmp_path_factory.mktemp("small")
-    write(folder, more=COMMANDS)
-    with Program("run", folder, "--page") as started:
+    with page_of(tmp_path_factory.mktemp("small")) as started:
         yield started
 
 

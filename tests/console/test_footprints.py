@@ -9,12 +9,11 @@ import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
 import sleepcast as sc
-from console.conftest import COMMANDS
+from console.conftest import page_of
 from console.running import PATIENCE, Program
 from console.test_page import opened, settle, until
 from sleepcast.console.adapters.swarm import scene_of
 from sleepcast.simulator import read_scenario
-from small_worlds import write
 
 browser = pytest.mark.browser
 TEXT = """
@@ -56,9 +55,7 @@ expect.set_options(timeout=1000 * PATIENCE)
 
 @pytest.fixture(scope="module")
 def field(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
-    folder = tmp_path_factory.mktemp("field")
-    write(folder, more=COMMANDS, text=TEXT)
-    with Program("run", folder, "--page") as started:
+    with page_of(tmp_path_factory.mktemp("field"), TEXT) as started:
         yield started
 
 

@@ -7,11 +7,10 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
-from console.conftest import COMMANDS
+from console.conftest import page_of
 from console.running import PATIENCE, Program
 from console.test_page import await_picture, opened, pixels, pixels_seen, until
 from console.test_sight import LAMPS, LASER, NEAR, TEXT, WALL
-from small_worlds import write
 
 pytestmark = pytest.mark.browser
 
@@ -21,9 +20,7 @@ expect.set_options(timeout=1000 * PATIENCE)
 @pytest.fixture(scope="module")
 def room(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
     """Three robots that stand: one beside the first, one behind a wall; and lamps."""
-    folder = tmp_path_factory.mktemp("room")
-    write(folder, more=COMMANDS + WALL + NEAR + LAMPS + LASER, text=TEXT)
-    with Program("run", folder, "--page") as started:
+    with page_of(tmp_path_factory.mktemp("room"), TEXT, WALL + NEAR + LAMPS + LASER) as started:
         yield started
 
 

@@ -16,7 +16,7 @@ import pytest
 from PIL import Image
 from playwright.sync_api import BrowserContext, Page, expect
 
-from console.conftest import COMMANDS
+from console.conftest import page_of
 from console.running import PATIENCE, Program
 from console.test_page import opened, pixels, pixels_seen, until
 from sleepcast.console.adapters.swarm import scene_of
@@ -57,9 +57,7 @@ def rovers(program: Program, context: BrowserContext) -> Iterator[Page]:
 @pytest.fixture(scope="module")
 def yard(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
     """Three copters: on the ground, at 10 m and at 20 m."""
-    folder = tmp_path_factory.mktemp("yard")
-    write(folder, more=COMMANDS, text=COPTERS)
-    with Program("run", folder, "--page") as started:
+    with page_of(tmp_path_factory.mktemp("yard"), COPTERS) as started:
         yield started
 
 
@@ -74,8 +72,7 @@ def hills(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
     """The same three over ground that rises by 16 m to the east, half of it in the middle."""
     folder = tmp_path_factory.mktemp("hills")
     Image.fromarray(np.tile(np.uint16([0, 0, 65_535, 65_535]), (2, 1))).save(folder / "hills.png")
-    write(folder, more=COMMANDS, text=COPTERS.replace("[robots]", HILLS))
-    with Program("run", folder, "--page") as started:
+    with page_of(folder, COPTERS.replace("[robots]", HILLS)) as started:
         yield started
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import inspect
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import AsyncIterator, Iterator, Sequence
+from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
@@ -299,19 +300,26 @@ def test_what_robots_saw_of_neighbours_and_by_scanners_is_played_back(
     past = RecordedPast(recording, load_timeline(recording))
 
     async def ask() -> None:
-        running = asyncio.create_task(past.live())
-        while "being run again" in past.kept:
-            await asyncio.sleep(0.01)
-        assert past.kept.startswith("Kept since")
-        assert (await past.look(tick, 0)).poses == poses
-        assert [bytes(await past.why(tick, Why(1, robot, asked))) for robot in range(20)] == whys
-        running.cancel()
+        async with run_again(past):
+            assert past.kept.startswith("Kept since")
+            assert (await past.look(tick, 0)).poses == poses
+            assert [bytes(await past.why(tick, Why(1, robot, asked))) for robot in range(20)] == whys
 
     asyncio.run(ask())
 
 
 def there(names: Sequence[str]) -> list[str]:
     return sorted(filter(None, names))
+
+
+@asynccontextmanager
+async def run_again(past: RecordedPast) -> AsyncIterator[None]:
+    """The past of a recording once the run has been run again."""
+    running = asyncio.create_task(past.live())
+    while "being run again" in past.kept:
+        await asyncio.sleep(0.01)
+    yield
+    running.cancel()
 
 
 def test_robots_have_the_names_of_then_in_the_past_of_a_run() -> None:
@@ -385,13 +393,10 @@ def test_a_robot_is_not_taken_for_the_one_that_had_its_place_before(tmp_path: Pa
     past = RecordedPast(recording, load_timeline(recording))
 
     async def ask() -> None:
-        running = asyncio.create_task(past.live())
-        while "being run again" in past.kept:
-            await asyncio.sleep(0.01)
-        with pytest.raises(RerunError, match="sheep3 was not there yet when this command was sent"):
-            await past.why(end, Why(1, 0, sent.id))
-        assert b"id = 2, needed = 1" in bytes(await past.why(end, Why(1, 1, sent.id)))
-        running.cancel()
+        async with run_again(past):
+            with pytest.raises(RerunError, match="sheep3 was not there yet when this command was sent"):
+                await past.why(end, Why(1, 0, sent.id))
+            assert b"id = 2, needed = 1" in bytes(await past.why(end, Why(1, 1, sent.id)))
 
     asyncio.run(ask())
 
@@ -419,15 +424,12 @@ def test_what_is_run_again_tells_who_was_there_in_that_very_tick(tmp_path: Path)
     past = RecordedPast(recording, load_timeline(recording))
 
     async def look() -> None:
-        running = asyncio.create_task(past.live())
-        while "being run again" in past.kept:
-            await asyncio.sleep(0.01)
-        found = await past.look(6, 2)
-        assert there(found.names) == there(names) == ["sheep1", "sheep2", "sheep3"]
-        news = {type(each): each for each in news_of(past.timeline, 6.0, 2, found)}
-        assert msgspec.to_builtins(news[outgoing.Roll])["names"] == names
-        assert outgoing.WatchedRobot in news, "there is no picture of it yet"
-        running.cancel()
+        async with run_again(past):
+            found = await past.look(6, 2)
+            assert there(found.names) == there(names) == ["sheep1", "sheep2", "sheep3"]
+            news = {type(each): each for each in news_of(past.timeline, 6.0, 2, found)}
+            assert msgspec.to_builtins(news[outgoing.Roll])["names"] == names
+            assert outgoing.WatchedRobot in news, "there is no picture of it yet"
 
     asyncio.run(look())
     past.close()

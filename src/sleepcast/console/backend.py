@@ -259,7 +259,8 @@ class Backend:
     def replies(self, command: str, robots: Sequence[int], time: float = inf) -> list[str]:
         """What these robots had answered to a question at a time, s of the page's time. Raises MisuseError for what is
         no question, and for a robot that there is not."""
-        names = [self._name_in(self._names_at(time), robot) for robot in robots]
+        then = self._names_at(time)
+        names = [self._name_in(then, robot) for robot in robots]
         asked = next((each for each in self.accounts.commands() if each.id == command), None)
         if asked is not None and asked.kind != "ask":
             raise MisuseError(f"{command} was no question, so robots did not answer it with a value.")

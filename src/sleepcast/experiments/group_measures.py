@@ -57,6 +57,11 @@ class SwarmSample(NamedTuple):
     pitch: Floats | None = None
 
     @property
+    def places(self) -> tuple[Floats, ...]:
+        """x and y, and z where robots fly, m: between these, distances are those of bodies."""
+        return (self.x, self.y) if self.z is None else (self.x, self.y, self.z)
+
+    @property
     def depth(self) -> Floats:
         """z of particles, m, which have measures of space; 0 of others, which have those of the map."""
         return np.zeros_like(self.x) if self.z is None or self.pitch is None else self.z
@@ -90,8 +95,7 @@ def gyration(group: SwarmSample, _: float) -> float:
 def closest(group: SwarmSample, _: float) -> float:
     if group.x.size < 2:
         return nan
-    places = (group.x, group.y) if group.z is None else (group.x, group.y, group.z)
-    return float(_tree(*places).query(np.column_stack(places), 2)[0][:, 1].min())
+    return float(_tree(*group.places).query(np.column_stack(group.places), 2)[0][:, 1].min())
 
 
 def largest_cluster(group: SwarmSample, near: float) -> float:
@@ -125,8 +129,8 @@ def velocity_correlation(group: SwarmSample, near: float) -> float:
 
 
 def close_pairs(group: SwarmSample, near: float) -> float:
-    count, places = group.x.size, (group.x, group.y, *([] if group.z is None else [group.z]))
-    close = _tree(*places).query_pairs(near, output_type="ndarray")
+    count = group.x.size
+    close = _tree(*group.places).query_pairs(near, output_type="ndarray")
     return len(close) / (count * (count - 1) / 2) if count > 1 else 0.0
 
 

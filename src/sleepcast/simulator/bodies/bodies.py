@@ -411,13 +411,9 @@ class Bodies:
         return exhausted if self.population is None else exhausted & self.population.present
 
     def say_of(self, robot: int, text: str) -> None:
-        """Keep what is to be said of a robot now."""
-        self.say(Saying(self.time, robot, text))
-
-    def say(self, saying: Saying) -> None:
-        """Keep what a robot has spoken."""
+        """Keep what a robot speaks, or what is to be said of it, now."""
         del self.sayings[: max(0, len(self.sayings) + 1 - MAX_SAYINGS)]
-        self.sayings.append(saying)
+        self.sayings.append(Saying(self.time, robot, text))
 
     def forget(self) -> None:
         """Invalidate the spatial index and the sonar readings: bodies have moved."""

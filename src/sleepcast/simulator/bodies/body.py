@@ -18,7 +18,7 @@ from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import BodyColumn, HostFunction, Quantity, RestState, Writing
 from sleepcast.core.units import LENGTH, NONE, RATE, SPEED, Dimension
 from sleepcast.robot import DOES_NOTHING, Geometry, OutOfReachError, Reading, RobotModel, Setpoint, hovering
-from sleepcast.simulator.bodies.bodies import TURN, Bodies, Floats, Mode, Saying, Whole
+from sleepcast.simulator.bodies.bodies import TURN, Bodies, Floats, Mode, Whole
 from sleepcast.simulator.bodies.particles import Particles
 from sleepcast.simulator.bodies.pilot import Pilot, Results, pilot_of
 from sleepcast.simulator.bodies.population import Population
@@ -142,7 +142,7 @@ class Body:
         return side
 
     def say(self, text: str) -> None:
-        self._bodies.say(Saying(self._bodies.time, self.number, text))
+        self._bodies.say_of(self.number, text)
 
     def turn_wheels(self, right: float, left: float) -> None:
         wheels = self._bodies.part_of(self.number).scenario.robots.wheels

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sleepcast.simulator.bodies.bodies import Bodies, Flags, Floats, Saying, Whole
+from sleepcast.simulator.bodies.bodies import Bodies, Flags, Floats, Whole
 from sleepcast.simulator.bodies.closeness import Closeness
-from sleepcast.simulator.bodies.flight import Flight
+from sleepcast.simulator.bodies.flight import CRASHED_INTO, Flight
 from sleepcast.simulator.world.grid import spread
 
 A_WALL = "a wall"
@@ -36,7 +36,7 @@ def crash(bodies: Bodies, flight: Flight, closeness: Closeness, names: Sequence[
     for robot in at_walls.tolist():
         hit.setdefault(robot, A_WALL)
     for robot in sorted(hit):
-        bodies.say(Saying(bodies.time, robot, f"has crashed into {hit[robot]}"))
+        bodies.say_of(robot, CRASHED_INTO + hit[robot])
     if hit:
         flight.crash(np.array(sorted(hit)))
 

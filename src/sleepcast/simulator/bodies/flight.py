@@ -34,6 +34,7 @@ Flags = NDArray[np.bool_]
 Whole = NDArray[np.intp]
 MARGIN = 1e-6
 """m that bodies keep from the wall around a world, so that rounding never makes them touch it."""
+CRASHED_INTO = "has crashed into "
 THE_GROUND = "the ground"
 CARRIED = "is carried away: the wind is faster than it flies"
 
@@ -136,11 +137,7 @@ class Flight:
 
     def start(self) -> None:
         """Stand where the scenario says, or on the roof of what is there; who starts in the air hovers there."""
-        for spec, part, which in self._each_type():
-            if spec.flight is not None:
-                drawn = spec.z[0] + (spec.z[1] - spec.z[0]) * part.drawn("z")
-                listed = () if isinstance(spec.starts, Formation) else spec.starts
-                self.z[which] = start_heights(listed, part.count) if listed else drawn
+        self._start_heights()
         rows, bodies = self._rows, self._bodies
         self.z[rows] = np.maximum(self.z[rows], self._roofs.below(bodies.x, bodies.y, np.full(bodies.count, inf))[rows])
         self.look_below()
@@ -154,6 +151,14 @@ class Flight:
             self.homes.set(np.flatnonzero(self.flies), self.z[self.flies])
         if self.wings:
             self.wings.start()
+
+    def _start_heights(self) -> None:
+        """Let those that fly be as high as the scenario lists, or draws."""
+        for spec, part, which in self._each_type():
+            if spec.flight is not None:
+                drawn = spec.z[0] + (spec.z[1] - spec.z[0]) * part.drawn("z")
+                listed = () if isinstance(spec.starts, Formation) else spec.starts
+                self.z[which] = start_heights(listed, part.count) if listed else drawn
 
     def below(self, x: Floats, y: Floats, z: Floats) -> Floats:
         """How high the ground or the roof below these places is, m."""
@@ -380,7 +385,7 @@ class Flight:
         self.settle(which if self.wings is None else which[~self.wings.planes[which]])  # a plane rolls out
         self.rest(which)
         for robot in rammed.tolist():
-            bodies.say_of(robot, f"has crashed into {THE_GROUND}")
+            bodies.say_of(robot, CRASHED_INTO + THE_GROUND)
         self.crash(rammed)
 
     def _rams(self, which: Whole) -> Whole:

@@ -16,7 +16,6 @@ from sleepcast.simulator.bodies.moved import Grounded
 from sleepcast.simulator.motion import flying, steering
 from sleepcast.simulator.motion.driving import bounded
 from sleepcast.simulator.scenario.flight import PITCH
-from sleepcast.simulator.scenario.starts import Formation, start_heights
 from sleepcast.simulator.simd.formulas import arc_tangent
 
 Floats = NDArray[np.float64]
@@ -55,10 +54,8 @@ class Particles(Flight):
 
     def start(self) -> None:
         """Be where the scenario says; without a list of starts, in any direction of space."""
+        self._start_heights()
         for spec, part, which in self._each_type():
-            listed = () if isinstance(spec.starts, Formation) else spec.starts
-            drawn = spec.z[0] + (spec.z[1] - spec.z[0]) * part.drawn("z")
-            self.z[which] = start_heights(listed, part.count) if listed else drawn
             rise = 2.0 * part.drawn("pitch") - 1.0  # uniform on a sphere
             level = np.sqrt((1.0 - rise) * (1.0 + rise))
             self.pitch[which] = 0.0 if spec.starts else arc_tangent(rise, level)

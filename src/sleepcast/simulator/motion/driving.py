@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from sleepcast.core.records import NamedTuple
 from sleepcast.simulator.scenario.robot_settings import Wheels
 from sleepcast.simulator.scenario.scenario import Scenario
-from sleepcast.simulator.simd.formulas import arc_tangent, either, shortest, sine_cosine, wrap
+from sleepcast.simulator.simd.formulas import arc_tangent, either, sine_cosine, wrap
 from sleepcast.simulator.world.grid import Floats
 
 BRAKING = 0.8
@@ -235,6 +235,6 @@ def touched_part(laws: Laws, dx: Floats, dy: Floats, heading: Floats) -> Floats:
 
 
 FORMULAS = (
-    *(bounded, shortest, approach, tumbling, turned_back, outside),
+    *(bounded, approach, tumbling, turned_back, outside),
     *(wheels_follow, swing_left, slipped, arc, spinning, spin_left, glided, touched_part),
 )

@@ -13,6 +13,7 @@ import numpy as np
 
 from sleepcast.simulator.motion.touching import AHEAD, COUNT, OVERFLOWED, REACH, ROOM, ROUNDING
 from sleepcast.simulator.simd.compiled import part, strict
+from sleepcast.simulator.simd.formulas import shortest
 
 I = np.int32  # noqa: E741  # half as much to read
 
@@ -54,18 +55,11 @@ def farthest(x, y, z, old_x, old_y, old_z, around_x, around_y):
     """How far the body has gone that is farthest from where it was when pairs were listed, m."""
     most = 0.0
     for i in range(len(x)):
-        dx, dy = across(x[i] - old_x[i], around_x), across(y[i] - old_y[i], around_y)
+        dx, dy = shortest(x[i] - old_x[i], around_x), shortest(y[i] - old_y[i], around_y)
         dz = height(z[i]) - old_z[i]
         square = dx * dx + dy * dy + dz * dz
         most = most if square <= most else square
     return sqrt(most)
-
-
-@part
-def across(way, around):
-    """See `formulas.shortest`."""
-    half = around / 2.0
-    return way - around if way > half else way + around if way < -half else way
 
 
 @part
@@ -91,7 +85,8 @@ def look(
         i, j = np.int64(ones[number]), np.int64(others[number])
         if not (z[i] > ground[i] or z[j] > ground[j]):
             continue
-        dx, dy, dz = across(x[j] - x[i], around_x), across(y[j] - y[i], around_y), height(z[j]) - height(z[i])
+        dx, dy = shortest(x[j] - x[i], around_x), shortest(y[j] - y[i], around_y)
+        dz = height(z[j]) - height(z[i])
         vx, vy, vz = way_x[j] - way_x[i], way_y[j] - way_y[i], way_z[j] - way_z[i]
         size, ahead = vx * vx + vy * vy + vz * vz, dx * vx + dy * vy + dz * vz
         back = min(max(ahead / size, 0.0), 1.0) if size > 0.0 else 0.0

@@ -38,7 +38,7 @@ from sleepcast.simulator.neighbours.neighbourhood import (
     VALUE,
 )
 from sleepcast.simulator.simd.compiled import part, strict, woven
-from sleepcast.simulator.simd.formulas import LANES, arc_tangent, sine_cosine, square_within, wrap
+from sleepcast.simulator.simd.formulas import LANES, arc_tangent, shortest, sine_cosine, square_within, wrap
 from sleepcast.simulator.simd.lanes import (
     long_at,
     pack_at,
@@ -319,7 +319,7 @@ def show_many(near, quantity, row, robots, others, reach, found):
             continue
         own_x, own_y = real_at(asking_x, robot), real_at(asking_y, robot)
         seen_x, seen_y = real_at(x, other), real_at(y, other)
-        dx, dy = nearer(seen_x - own_x, width), nearer(seen_y - own_y, height)
+        dx, dy = shortest(seen_x - own_x, width), shortest(seen_y - own_y, height)
         away = sqrt(dx * dx + dy * dy)
         if away > reach:
             continue
@@ -360,13 +360,6 @@ def show_many(near, quantity, row, robots, others, reach, found):
                 found[i] = arc_tangent(dy, dx)
         else:
             found[i] = real_at(long_at(near, SHARED), row * count + other)
-
-
-@part
-def nearer(way, around):
-    """See `formulas.shortest`."""
-    half = around / 2.0
-    return way - around if way > half else way + around if way < -half else way
 
 
 @strict

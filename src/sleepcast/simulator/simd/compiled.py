@@ -120,5 +120,8 @@ def usable(formula: Callable[..., Any]) -> None:
     register_jitable(forceinline=True, fastmath=False, error_model="numpy")(formula)
 
 
-for each in (formulas.sine_of_rest, formulas.sine_cosine, formulas.arc_tangent, formulas.wrap, formulas.square_within):
+for each in (
+    *(formulas.sine_of_rest, formulas.sine_cosine, formulas.arc_tangent),
+    *(formulas.wrap, formulas.shortest, formulas.square_within),
+):
     usable(each)

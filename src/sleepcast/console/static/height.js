@@ -21,16 +21,19 @@ export class HeightLayer {
   }
 
   drawBehind(pen) {
-    const { view, frame, sizes } = this.world;
+    const { view, frame, sizes, ratio } = this.world;
     const { heights, poses, count } = frame;
+    const whole = (pixels) => Math.round(pixels * ratio) / ratio; // what lies between the screen's pixels is drawn slowly
     const shown = heights !== null && this.world.shows("height") && few(view, frame, MAX_SHAPES);
     if (shown) this.grow(heights);
     this.scale.hidden = !shown || this.most === 0;
     if (this.scale.hidden) return;
     for (let i = 0; i < count; i += 1) {
       if (!(heights[i] > this.ground(poses[3 * i], poses[3 * i + 1]))) continue;
-      const stamp = this.stamp(Math.ceil(SHADES * Math.min(1, heights[i] / this.most)), Math.round(sizes(i)) + WIDER);
-      pen.drawImage(stamp, view.toScreenX(poses[3 * i]) - stamp.width / 4, view.toScreenY(poses[3 * i + 1]) - stamp.height / 4, stamp.width / 2, stamp.height / 2);
+      const radius = Math.round(sizes(i)) + WIDER;
+      const stamp = this.stamp(Math.ceil(SHADES * Math.min(1, heights[i] / this.most)), radius * ratio);
+      const [x, y] = [view.toScreenX(poses[3 * i]), view.toScreenY(poses[3 * i + 1])];
+      pen.drawImage(stamp, whole(x - radius), whole(y - radius), stamp.width / ratio, stamp.height / ratio);
     }
   }
 
@@ -52,19 +55,19 @@ export class HeightLayer {
     write(this.scale.querySelector(".text"), `up to ${heightText(this.most, unit)} high`);
   }
 
-  // The disc of a shade from 1 to SHADES, at twice its size.
+  // The disc of a shade from 1 to SHADES. radius: in pixels of the screen.
   stamp(shade, radius) {
     const { field } = this.world.colours;
     if (this.colours !== field) this.stamps.clear();
     this.colours = field;
     const key = shade * 1000 + radius;
     if (!this.stamps.has(key)) {
-      const sheet = new OffscreenCanvas(4 * radius, 4 * radius);
+      const sheet = new OffscreenCanvas(Math.ceil(2 * radius), Math.ceil(2 * radius));
       const pen = sheet.getContext("2d");
       pen.fillStyle = `rgb(${between(field, shade / SHADES).join()})`;
-      pen.arc(2 * radius, 2 * radius, 2 * radius, 0, 2 * Math.PI);
+      pen.arc(radius, radius, radius, 0, 2 * Math.PI);
       pen.fill();
-      this.stamps.set(key, sheet);
+      this.stamps.set(key, sheet.transferToImageBitmap()); // a canvas is copied each time that it is drawn
     }
     return this.stamps.get(key);
   }

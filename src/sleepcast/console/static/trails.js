@@ -45,7 +45,7 @@ export class Trails {
   // Draw all trails; each band of age and each colour is one stroke. inks: the place of each robot's colour among `colours`.
   // area: the world's left, bottom, right and top.
   draw(pen, view, inks, colours, area) {
-    pen.lineWidth = 1.1;
+    pen.lineWidth = 1; // software strokes what is wider ten times as long
     pen.lineJoin = "round";
     const perBand = Math.ceil(DEPTH / BANDS.length);
     for (let band = BANDS.length - 1; band >= 0; band -= 1) {

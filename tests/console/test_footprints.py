@@ -64,12 +64,12 @@ def copters(field: Program, context: BrowserContext) -> Iterator[Page]:
     yield from opened(field, context)
 
 
-def covered(page: Page) -> int:
-    """How many pixels on the canvas of robots are as pale as a footprint."""
+def covered(page: Page, canvas: str = "robots") -> int:
+    """How many pixels on this canvas are as pale as a footprint."""
     settle(page)
     found: int = page.evaluate(
-        """() => {
-          const canvas = document.getElementById("robots");
+        """(id) => {
+          const canvas = document.getElementById(id);
           const copy = Object.assign(document.createElement("canvas"), { width: canvas.width, height: canvas.height });
           const pen = copy.getContext("2d", { willReadFrequently: true });
           pen.drawImage(canvas, 0, 0);
@@ -77,17 +77,21 @@ def covered(page: Page) -> int:
           let seen = 0;
           for (let i = 3; i < data.length; i += 4) seen += Math.abs(data[i] - 0.14 * 255) < 3;
           return seen;
-        }"""
+        }""",
+        canvas,
     )
     return found
 
 
 @browser
 def test_a_disc_shows_what_each_sees_while_its_layer_is_shown(copters: Page) -> None:
-    until(copters, lambda: covered(copters) > 1000)
+    copters.locator("#space").click()
+    for canvas in ("robots", "space-over"):
+        until(copters, lambda canvas=canvas: covered(copters, canvas) > 1000)
     copters.locator("#layers").click()
     copters.get_by_role("checkbox", name="Footprints of cameras").uncheck()
-    until(copters, lambda: covered(copters) < 1000)
+    for canvas in ("robots", "space-over"):
+        until(copters, lambda canvas=canvas: covered(copters, canvas) < 1000)
     copters.get_by_role("checkbox", name="Footprints of cameras").check()
 
 

@@ -6,6 +6,8 @@ As in `test_page`, the browser must have had nothing to complain about.
 from __future__ import annotations
 
 import hashlib
+import math
+import re
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
@@ -127,8 +129,19 @@ def test_the_view_is_fetched_when_it_is_opened_and_picks_robots_as_the_map_does(
         rovers.mouse.move(x + dx, y + dy, steps=3)
     rovers.mouse.up()
     expect(rovers.locator("#selection .count")).to_contain_text("selected")
+
+    view.focus()
+    rovers.keyboard.press("Shift+C")
+    expect(rovers.locator("#follow")).to_have_attribute("aria-pressed", "true")
+    expect(rovers.locator("#heard")).to_have_text(f"Following {chosen}")
+    rovers.keyboard.press("Control+ArrowRight")
+    expect(rovers.locator("#follow")).to_have_attribute("aria-pressed", "false")
+    expect(rovers.locator(".space .from")).to_contain_text(
+        re.compile(r"^From the south, 34° up, \d+\.?\d* m away from x ")
+    )
     rovers.keyboard.press("v")
     expect(view).to_be_hidden()
+    expect(rovers.locator("#map")).to_be_focused()
 
 
 @browser
@@ -288,13 +301,20 @@ def test_forms_and_the_camera_are_right(rovers: Page) -> None:
           orbit.project(corners, [0, 0, 0, 0, 15, 15], pixels, depths);
           const under = orbit.under(500, 400);
           orbit.zoom(2, 500, 400);
-          return { pixels: [...pixels], depths: [...depths], under, then: orbit.under(500, 400) };
+          const [there, behind] = [9, -9].map((far) => orbit.eye.map((at, axis) => at + far * orbit.axes.into[axis]));
+          const beside = there.map((at, axis) => at + 3 * orbit.axes.right[axis]);
+          const outline = orbit.outline([there, behind, beside]);
+          return { pixels: [...pixels], depths: [...depths], under, then: orbit.under(500, 400), outline };
         }""",
     )
     assert all(0.0 <= x <= 800.0 for x in seen["pixels"][::3])
     assert all(0.0 <= -y <= 600.0 for y in seen["pixels"][1::3])
     assert min(seen["depths"]) > 0.0
     assert seen["then"] == pytest.approx(seen["under"]), "one comes closer to what is under the pointer"
+    middle, *cut, right = seen["outline"]
+    assert middle == pytest.approx([400.0, 300.0])
+    assert right == pytest.approx([400.0 + 300.0 / 3.0 / math.tan(math.pi / 8.0), 300.0])
+    assert len(cut) == 2, "what is behind the eye is cut off"
 
 
 @browser

@@ -94,7 +94,11 @@ function follow(on) {
   world.follow(on);
 }
 
-find("follow").addEventListener("click", () => follow(!world.following));
+find("follow").addEventListener("click", () => {
+  follow(!world.following);
+  find("heard").textContent = world.following ? `Following ${world.scene.names[world.marks.chosen]}` : "Following nobody";
+});
+world.addEventListener("follow", () => find("follow").hidden || press("follow"));
 world.addEventListener("moved", () => {
   find("follow").setAttribute("aria-pressed", String(world.following));
 });
@@ -124,6 +128,7 @@ const ACTIONS = [
   ["STOP every robot", "F9", () => press("stop")],
   ["Release STOP", "", () => press("release")],
   ["Show everything on the map", "F", () => press("fit")],
+  ["Follow the chosen robot, or nobody", "Shift+C", () => find("follow").hidden || press("follow")],
   ["Trails on or off", "T", () => layers.toggle(panes.trails)],
   ["Measure a distance on the map", "M", () => press("measure")],
   ["Change obstacles", "", () => find("build").hidden || press("build")],

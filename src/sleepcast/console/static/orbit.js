@@ -6,8 +6,11 @@ const MOST = Math.PI / 2 - 0.01; // straight down, but north stays above
 const TURN = 0.006; // rad a pixel
 const MARGIN = 1.06; // times as much as what is fitted takes
 const CLOSEST = 0.2; // m
+const NEAREST = 1000; // what is in front of the eye is this part of the distance away at least
 const NOWHERE = -1e6; // pixels: beside every screen
 const FARTHEST = 20; // times as far as when everything is in sight
+
+const WINDS = ["east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east"]; // counter-clockwise from x
 
 export class Orbit {
   constructor() {
@@ -44,6 +47,12 @@ export class Orbit {
   get eye() {
     const { into } = this.axes;
     return this.target.map((value, axis) => value - this.distance * into[axis]);
+  }
+
+  // From where it looks, in words: "south, 34° up".
+  get words() {
+    const eighth = Math.round(this.azimuth / (Math.PI / 4));
+    return `${WINDS[((eighth % 8) + 8) % 8]}, ${Math.round((this.elevation * 180) / Math.PI)}° up`;
   }
 
   // ---- moving
@@ -101,6 +110,22 @@ export class Orbit {
 
   // ---- seeing
 
+  // The part of a polygon that is in front of the eye, as pixels [x, y] of each corner. corners: [x, y, z] of each, m.
+  outline(corners) {
+    const { eye, focus } = this;
+    const { right, up, into } = this.axes;
+    const nearest = this.distance / NEAREST;
+    const seen = corners.map((corner) => [right, up, into].map((axis) => axis.reduce((sum, part, at) => sum + part * (corner[at] - eye[at]), 0)));
+    const before = seen.flatMap((corner, at) => {
+      const next = seen[(at + 1) % seen.length];
+      const there = corner[2] > nearest;
+      const part = (nearest - corner[2]) / (next[2] - corner[2]);
+      const edge = there === next[2] > nearest ? [] : [corner.map((value, axis) => value + part * (next[axis] - value))];
+      return there ? [corner, ...edge] : edge;
+    });
+    return before.map(([x, y, depth]) => [this.width / 2 + (focus * x) / depth, this.height / 2 - (focus * y) / depth]);
+  }
+
   // Where robots are on the screen. poses: x, y and heading of each in turn; heights: z of each, or null. seen: gets x and -y in
   // pixels, and the heading, in the same order; depths: gets how far each is into the picture, m, 0 for who is not in front.
   project(poses, heights, seen, depths) {
@@ -110,7 +135,7 @@ export class Orbit {
     for (let i = 0; i < depths.length; i += 1) {
       const [x, y, z] = [poses[3 * i] - eye[0], poses[3 * i + 1] - eye[1], (heights?.[i] ?? 0) - eye[2]];
       const depth = x * into[0] + y * into[1] + z * into[2];
-      const there = depth > this.distance / 1000;
+      const there = depth > this.distance / NEAREST;
       const scale = focus / depth;
       depths[i] = there ? depth : 0;
       seen[3 * i] = there ? middle + scale * (x * right[0] + y * right[1]) : NOWHERE;

@@ -15,7 +15,7 @@ import { Solids } from "./solids.js";
 import { drawRings, robotAt, robotBeside } from "./swarm.js";
 import { grown } from "./type.js";
 import { trailLines } from "./trails.js";
-import { View } from "./view.js";
+import { heightText, View } from "./view.js";
 
 const LIBRARY = "./vendor/three/three.module.min.js";
 const KEY = "space";
@@ -26,6 +26,7 @@ const WALL_SHARE = 0.004; // at least this part of the world's longer side, and 
 const DIMMED = 0.45; // of the colour of robots outside the lit ones
 const ZOOM_STEP = 1.4;
 const TURN_STEP = 40; // pixels of a hand that Shift and an arrow key are
+const CIRCLE = Array.from({ length: 48 }, (_, corner) => [Math.cos((corner * Math.PI) / 24), Math.sin((corner * Math.PI) / 24)]);
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 export class Space {
@@ -37,6 +38,7 @@ export class Space {
     this.said = said;
     this.map = root.querySelector(".space-map");
     this.tip = root.querySelector(".tip");
+    this.from = root.querySelector(".from");
     [this.canvas, this.over] = root.querySelectorAll("canvas");
     this.pen = this.over.getContext("2d");
     this.orbit = new Orbit();
@@ -58,6 +60,7 @@ export class Space {
   }
 
   async open(on) {
+    if (!on && this.root.contains(document.activeElement)) this.world.map.focus(); // who worked here goes on there
     this.root.hidden = !on;
     document.body.classList.toggle("spacious", on);
     this.button.setAttribute("aria-pressed", String(on));
@@ -124,6 +127,14 @@ export class Space {
     this.fitted = null;
     change(this.orbit);
     this.repaint();
+  }
+
+  // The same by a key; who does not see it hears where it is seen from.
+  step(change) {
+    this.moved(change);
+    const { world, orbit } = this;
+    const [x, y] = orbit.target;
+    this.from.textContent = `From the ${orbit.words}, ${heightText(orbit.distance, world.scene.unit)} away from ${world.coordinates(x, y)}`;
   }
 
   repaint() {
@@ -254,13 +265,15 @@ export class Space {
     const { pen, view, world, frame, sizes } = this;
     const { marks, colours, picked, ratio, replies } = world;
     pen.clearRect(0, 0, view.width, view.height);
+    const tools = world.tools.filter((tool) => tool.anywhere);
+    for (const tool of tools) tool.drawBehind?.(pen, this);
     this.drawDrop();
     drawRings(pen, view, frame, sizes, marks, colours.chosen);
     const flat = (points) => points.map((point) => ({ ...point, ...this.onScreen(point.x, point.y, this.ground(point.x, point.y)) }));
     const scene = { ...world.scene, places: flat(world.scene.places), lights: flat(world.scene.lights), areas: [], tall: [] };
     drawPlaces(pen, view, scene.places, colours);
     this.labels.draw(pen, view, { scene, frame, marks, colours, ratio, sizes, picked, replies, robots: world.shows("names") });
-    for (const tool of world.tools) if (tool.anywhere) tool.draw(pen, this);
+    for (const tool of tools) tool.draw?.(pen, this);
     world.drawTip(this);
   }
 
@@ -273,6 +286,16 @@ export class Space {
     const [seen, depth] = [new Float32Array(3), new Float32Array(1)];
     this.orbit.project([x, y, 0], [z], seen, depth);
     return { x: seen[0], y: seen[1] };
+  }
+
+  // Add a level circle at the height of the ground in its middle to what is drawn: m.
+  addCircle(pen, x, y, radius) {
+    const z = this.ground(x, y);
+    const [begin, ...others] = this.orbit.outline(CIRCLE.map(([c, s]) => [x + c * radius, y + s * radius, z]));
+    if (!begin) return;
+    pen.moveTo(...begin);
+    for (const [px, py] of others) pen.lineTo(px, py);
+    pen.closePath();
   }
 
   // A line from the chosen robot down to the ground, which tells how high it is and over what.
@@ -334,13 +357,15 @@ export class Space {
   key(event) {
     const arrow = ARROWS[event.key];
     const { world } = this;
-    if (arrow && event.ctrlKey) this.moved((orbit) => orbit.pan(-TURN_STEP * arrow[0], -TURN_STEP * arrow[1]));
-    else if (event.ctrlKey) return false;
-    else if (arrow && event.shiftKey) this.moved((orbit) => orbit.turn(-TURN_STEP * arrow[0], -TURN_STEP * arrow[1]));
+    if (arrow && event.ctrlKey) {
+      world.letGo();
+      this.step((orbit) => orbit.pan(-TURN_STEP * arrow[0], -TURN_STEP * arrow[1]));
+    } else if (event.ctrlKey) return false;
+    else if (arrow && event.shiftKey) this.step((orbit) => orbit.turn(-TURN_STEP * arrow[0], -TURN_STEP * arrow[1]));
     else if (arrow) world.choose(robotBeside(this.view, this.frame, world.marks.chosen, arrow));
-    else if (event.key === "+" || event.key === "=") this.moved((orbit) => orbit.zoom(ZOOM_STEP));
-    else if (event.key === "-" || event.key === "_") this.moved((orbit) => orbit.zoom(1 / ZOOM_STEP));
-    else if ((event.key === "c" || event.key === "C") && world.marks.chosen >= 0) this.centreChosen();
+    else if (event.key === "+" || event.key === "=") this.step((orbit) => orbit.zoom(ZOOM_STEP));
+    else if (event.key === "-" || event.key === "_") this.step((orbit) => orbit.zoom(1 / ZOOM_STEP));
+    else if ((event.key === "c" || event.key === "C") && !event.shiftKey && world.marks.chosen >= 0) this.centreChosen();
     else return false;
     return true;
   }
@@ -348,7 +373,7 @@ export class Space {
   centreChosen() {
     const { frame, marks } = this.world;
     const { poses, heights } = frame;
-    this.moved((orbit) => orbit.look(poses[3 * marks.chosen], poses[3 * marks.chosen + 1], heights?.[marks.chosen] ?? 0));
+    this.step((orbit) => orbit.look(poses[3 * marks.chosen], poses[3 * marks.chosen + 1], heights?.[marks.chosen] ?? 0));
   }
 
   // What else a key means on the map, it means here; whether it means anything.

@@ -425,6 +425,13 @@ export class World extends EventTarget {
     return sizesOf(this.view, this.scene);
   }
 
+  // Add a circle that lies on the ground to what is drawn: m.
+  addCircle(pen, x, y, radius) {
+    const [px, py, pixels] = [this.view.toScreenX(x), this.view.toScreenY(y), radius * this.view.scale];
+    pen.moveTo(px + pixels, py);
+    pen.arc(px, py, pixels, 0, 2 * Math.PI);
+  }
+
   // The robot next to the chosen one in a direction of the screen; the one nearest to the middle if none is chosen.
   next(direction) {
     return robotBeside(this.view, this.frame, this.marks.chosen, direction);
@@ -497,7 +504,7 @@ export class World extends EventTarget {
     } else if (event.key === "+" || event.key === "=") this.zoom(ZOOM_STEP);
     else if (event.key === "-" || event.key === "_") this.zoom(1 / ZOOM_STEP);
     else if (event.key === "f" || event.key === "F") this.fit();
-    else if (event.key === "c" || event.key === "C") this.centreChosen();
+    else if (event.key === "c" || event.key === "C") event.shiftKey ? this.dispatchEvent(new Event("follow")) : this.centreChosen();
     else if (event.key === "t" || event.key === "T") this.dispatchEvent(new Event("trails"));
     else if (event.key === "Escape") this.choose(-1);
     else return false;

@@ -29,7 +29,7 @@ from sleepcast.bridges.body import ROUND
 from sleepcast.bridges.crazyflie.quadcopter import LANDS_AFTER, LOGGED, CrazyflieBody, model_of
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError, SleepcastError
-from sleepcast.robot import Limits, Setpoint
+from sleepcast.robot import Limits, Setpoint, hovering
 from sleepcast.robot.hovering import LOCKED_MOTORS
 from sleepcast.testing.robot_contract import BridgeRig, HoverContract
 
@@ -307,6 +307,17 @@ def test_without_a_mind_it_lands_after_a_while(copter: FakeCopter) -> None:
     assert copter.peer.flying
     rig.look_away(4.0)
     assert not copter.peer.flying
+    assert rig.body.complaints() == [hovering.let_go("lands")]
+
+
+def test_without_its_operator_it_hovers_and_says_so(copter: FakeCopter) -> None:
+    rig = flying(copter)
+    rig.body.act(Setpoint(speed=0.3))
+    rig.wait(0.5)
+    rig.body.let_go()
+    rig.wait(1.0)
+    assert rig.body.complaints() == [hovering.let_go("hovers")]
+    assert copter.peer.flying
 
 
 def test_at_its_end_it_lands_by_itself(copter: FakeCopter) -> None:

@@ -35,7 +35,7 @@ from sleepcast.core.geodesy import Origin
 from sleepcast.loop import vocabulary_of
 from sleepcast.loop.real import act
 from sleepcast.node.node import Node
-from sleepcast.robot import FencedError, Limits, Setpoint
+from sleepcast.robot import FencedError, Limits, Setpoint, hovering
 from sleepcast.testing.robot_contract import BridgeContract, BridgeRig, HoverContract
 
 VEHICLE = Path(__file__).with_name("mavlink_vehicle.py")
@@ -328,7 +328,8 @@ def test_a_vehicle_without_its_mind_or_its_operator_does_what_its_setting_says(f
     rig.body.let_go()
     rig.wait(0.2)
     assert rig.vehicle.mode == COPTER[failsafe]
-    assert rig.body.complaints() == [f"nobody drives it any more: it is to be in {failsafe}"]
+    does = hovering.FAILSAFES[{"LOITER": "hover"}.get(failsafe, failsafe.lower())]
+    assert rig.body.complaints() == [f"{hovering.let_go(does)} ({failsafe})"]
     rig.body.stop()
     rig.wait(0.2)
     assert rig.vehicle.mode == COPTER["LOITER"], "STOP comes before a failsafe"

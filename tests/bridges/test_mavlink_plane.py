@@ -18,7 +18,7 @@ from processes import live_in
 from sleepcast.bridges import open_robot
 from sleepcast.bridges.mavlink.model import PLANE
 from sleepcast.core.errors import MisuseError
-from sleepcast.robot import FencedError, Limits
+from sleepcast.robot import FencedError, Limits, hovering
 
 FENCE = (-200.0, -200.0, 400.0, 200.0)
 OVER = 8.0
@@ -162,8 +162,8 @@ def test_without_its_operator_it_circles_or_does_what_its_setting_says(failsafe:
     x, y = rig.sensed()["x"], rig.sensed()["y"]
     mind.go_on(20.0)
     assert rig.vehicle.mode == (PLANE["GUIDED"] if failsafe == "LOITER" else PLANE["RTL"])
-    does = "it circles where it is, in GUIDED" if failsafe == "LOITER" else "it is to be in RTL"
-    assert rig.body.complaints() == [f"nobody drives it any more: {does}"]
+    does = "circles (GUIDED)" if failsafe == "LOITER" else "circles at home (RTL)"
+    assert rig.body.complaints() == [hovering.let_go(does)]
     assert hypot(rig.sensed()["x"] - x, rig.sensed()["y"] - y) < RADIUS + OVER + PACE
 
 

@@ -28,7 +28,9 @@ from sleepcast.loop.real import Member, NetworkSwarm
 from sleepcast.mind.evaluation_budget import LOOK_EVERY, EvaluationBudget
 from sleepcast.mind.limits import SECONDS_AT_ONCE
 from sleepcast.node.node import Node
+from sleepcast.robot import REACHED_AGAIN
 from sleepcast.simulator import Body, Simulator
+from sleepcast.simulator.bodies.links import LOST
 from small_worlds import simulator
 
 DESK = KeyPair("desk", Role.COMMANDER, b"d" * 32)
@@ -144,6 +146,16 @@ def test_neighbours_see_who_is_in_a_group_that_is_shown(tmp_path: Path) -> None:
         field.run(1.0)
         assert seen() == found
     assert isnan(field.crew.members[1].node.evaluate("(OF 0 hidden)").value), "the scenario does not show it"
+    field.close()
+
+
+def test_what_befalls_a_body_is_reported_by_a_mind_that_sleeps(tmp_path: Path) -> None:
+    field = Field(tmp_path, 6, more='[[events]]\nat = "1s"\ncut_off = "rover4"\nlasts = "1s"\n')
+    field.run(3.0)
+    reports = [(each.sender, each.body["label"]) for each in field.heard if each.kind is Kind.REPORT]
+    assert reports == [("r3", LOST), ("r3", REACHED_AGAIN)]
+    issued = [each.issued for each in field.heard if each.kind is Kind.REPORT]
+    assert issued == pytest.approx([1.0, 2.0], abs=0.15)
     field.close()
 
 

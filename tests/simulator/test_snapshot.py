@@ -124,6 +124,7 @@ def everything(sim: Simulator) -> object:
         sim.state_hash(),
         sim.measured(),
         list(sim.sayings),
+        list(sim.news),
         dict(sim.world.shapes),
         np.array(sim.readings()).tobytes(),
     )

@@ -93,8 +93,8 @@ class RecordingWitness:
         """The rules that fail, as they were recorded last."""
         self._unmarked = True
         """Whether groups or flags may have changed since they were recorded."""
-        self._exhausted = b""
-        """Which robots had used up what they drive with when flags were looked at last."""
+        self._bodily: list[bytes] = []
+        """Which robots had used up what they drive with, and had crashed, when flags were looked at last."""
         self._seen = -1
         self._added = False
         """Whether somebody has added a robot since the last tick."""
@@ -166,11 +166,11 @@ class RecordingWitness:
         accounts that have changed."""
         simulator = self._swarm.simulator
         now, minds = self._swarm.now(), self._swarm.fleet
-        exhausted = simulator.exhausted()
-        before, self._exhausted = self._exhausted, b"" if exhausted is None else exhausted.tobytes()
-        if self._unmarked or self._exhausted != before:
+        bodily = simulator.exhausted(), simulator.crashed()
+        before, self._bodily = self._bodily, [b"" if each is None else each.tobytes() for each in bodily]
+        if self._unmarked or self._bodily != before:
             self._unmarked = False
-            codes, flags, groups = self._groups.look(minds), flags_of(minds, exhausted), self._groups
+            codes, flags, groups = self._groups.look(minds), flags_of(minds, *bodily), self._groups
             body = MarksBody(simulator.tick, codes, flags, groups.names, groups.second, simulator.colours())
             self._recorder.note(MARKS, now, body)
             self._painter.paint(groups.names, codes, body.colours)

@@ -347,9 +347,11 @@ class Backend:
         name = self.name_of(index)
         mind = self.swarm.minds[name]
         groups = [key if (group := mind.declared(key)) is None else group.name for key in sorted(mind.groups)]
-        states, exhausted = self._states(mind), self.swarm.exhausted()
+        states, exhausted, crashed = self._states(mind), self.swarm.exhausted(), self.swarm.crashed()
         if exhausted is not None and exhausted[index]:
             states.append(f"no {' or '.join(self.swarm.scene.supplies)} left")
+        if crashed is not None and crashed[index]:
+            states.append("crashed")
         values = [
             self._show_value(variable, value) for variable, value in mind.variables() if variable not in _LEFT_OUT
         ]

@@ -188,7 +188,7 @@ class Driver(FrameSource):
 
     def flags(self) -> bytes:
         """The flags of each robot."""
-        return flags_of(self.swarm.minds, self.swarm.exhausted())
+        return flags_of(self.swarm.minds, self.swarm.exhausted(), self.swarm.crashed())
 
     def draw(self) -> None:
         """Make a new frame of what there is now, and tell those who wait for one."""

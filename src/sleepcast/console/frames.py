@@ -22,7 +22,7 @@ each optional column that follows:
                          and what follows stands here
     ...      u8 x n      group: 0 for none, else the index of its newest group in the list of groups, from 1
     ...      u8 x n      flags: bit 0 stopped, 1 frozen, 2 sleeping, 3 marked and showing it,
-                         4 silent: its telemetry is stale, 5 it has used up what it drives with
+                         4 silent: its telemetry is stale, 5 it has used up what it drives with, 6 it has crashed
     ...      u8 x n      pings: 0 for who has not pinged since the frame before, else the caste + 1
     ...      u8 x n      second group: as group, of who is in two or more
     ...      u8 x n      colour that it shows with COLOUR: 0 for none, 255 for what is no whole number from 1 to 254

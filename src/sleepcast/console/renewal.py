@@ -300,13 +300,27 @@ class RenewableBackend(Backend):
                 return Note(f"This run goes on from {at}: start it, or send a command. {seen}")
         elif self._number > 1 and self.driver.waiting:
             return Note("This is a new run, another world: nothing that was sent before holds in it, STOP neither.")
-        exhausted = self.swarm.exhausted()
-        if exhausted is None or not exhausted.any():
+        return self._immobile()
+
+    def _immobile(self) -> Note:
+        """What to say where no robot can move any more, since bodies cannot."""
+        nobody = np.zeros(len(self.swarm.minds), np.bool_)
+        exhausted, crashed = (
+            nobody if each is None else each for each in (self.swarm.exhausted(), self.swarm.crashed())
+        )
+        if not (exhausted | crashed).any():
             return Note("")
         frozen = is_frozen(self.swarm.minds)
-        if not (exhausted | frozen).all():
+        if not (exhausted | crashed | frozen).all():
             return Note("")
-        empty, others = int(exhausted.sum()), int(np.count_nonzero(frozen & ~exhausted))
         supplies = " or ".join(self.swarm.scene.supplies)
-        rest = f", and {others:,} are frozen" if others else ""
-        return Note(f"No robot can move any more: {empty:,} have no {supplies} left{rest}.", restart=True)
+        why = [
+            f"{count:,} {what}"
+            for which, what in (
+                (crashed, "have crashed"),
+                (exhausted & ~crashed, f"have no {supplies} left"),
+                (frozen & ~exhausted & ~crashed, "are frozen"),
+            )
+            if (count := int(np.count_nonzero(which)))
+        ]
+        return Note(f"No robot can move any more: {', and '.join(why)}.", restart=True)

@@ -30,8 +30,8 @@ from sleepcast.language import Vocabulary
 
 MAX_LINES = 20
 """Lines of the watched robot that a page shows."""
-STATES = ("stopped", "frozen", "sleeping", "marked")
-"""The flags of a frame by bit, in words."""
+STATES = {1: "stopped", 2: "frozen", 4: "sleeping", 8: "marked", 64: "crashed"}
+"""Flags of a frame in words."""
 PICTURE_OVERHEAD = 250
 """Bytes of a picture besides its content: of one robot they are most of it."""
 NAME_SIZE = 8
@@ -279,7 +279,7 @@ def _robot(timeline: Timeline, time: float, index: int, name: str, exact: Replay
         if robot.robot == index:
             return msgspec.structs.replace(robot, reports=lines or robot.reports)
     codes = [each[index] for each in (marks.second, marks.groups) if each]
-    states = [word for bit, word in enumerate(STATES) if marks.flags[index] & 1 << bit]
+    states = [word for flag, word in STATES.items() if marks.flags[index] & flag]
     return outgoing.WatchedRobot(
         index,
         [marks.names[each - 1] for each in codes if 0 < each <= len(marks.names)],

@@ -278,6 +278,9 @@ class SwarmView(Protocol):
     def exhausted(self) -> NDArray[np.bool_] | None:
         """Which robots have used up one of the scene's supplies, so that they stand; None where nobody knows."""
 
+    def crashed(self) -> NDArray[np.bool_] | None:
+        """Which robots have crashed, and lie where they fell; None where none can, or nobody knows."""
+
     def colours(self) -> bytes:
         """The colour that each robot shows: as in a frame, empty for none."""
 

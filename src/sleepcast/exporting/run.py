@@ -83,7 +83,7 @@ class MarksEvent(NamedTuple):
 
     group, second: numbers of the newest and the second newest group in `names`, from 1; 0 for none.
     colour: that a robot shows; 0 for none.
-    flags: bit 0 stopped, 1 frozen, 2 sleeping, 3 marked, 5 out of energy.
+    flags: bit 0 stopped, 1 frozen, 2 sleeping, 3 marked, 5 out of energy, 6 crashed.
     """
 
     time: float

@@ -33,7 +33,7 @@ from sleepcast.exporting.run import (
 from sleepcast.simulator.world.world import rows_of
 
 Values: TypeAlias = Sequence[str] | Sequence[int] | Sequence[float] | Sequence[bool] | NDArray[np.generic]
-FLAGS = {"stopped": 1, "frozen": 2, "sleeping": 4, "marked": 8, "out_of_energy": 32}
+FLAGS = {"stopped": 1, "frozen": 2, "sleeping": 4, "marked": 8, "out_of_energy": 32, "crashed": 64}
 """Columns of `marks`, and the bit of each."""
 
 

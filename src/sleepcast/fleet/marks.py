@@ -16,7 +16,7 @@ MAX_GROUPS = 255
 
 _BITS = ((FROZEN, 2), (SLEEPING, 4))
 _MARK = 8
-_EXHAUSTED = 32
+_EXHAUSTED, _CRASHED = 32, 64
 """The bit between is that of silent robots, which only a desk knows."""
 
 
@@ -39,15 +39,19 @@ class FleetMarks(Protocol):
         """What any robot has learned under this key."""
 
 
-def flags_of(minds: FleetMarks, exhausted: NDArray[np.bool_] | None = None) -> bytes:
-    """The flags of each robot. exhausted: which bodies have used up what they drive with; None where nobody knows."""
+def flags_of(
+    minds: FleetMarks, exhausted: NDArray[np.bool_] | None = None, crashed: NDArray[np.bool_] | None = None
+) -> bytes:
+    """The flags of each robot. exhausted, crashed: which bodies have used up what they drive with, and have crashed;
+    None where nobody knows."""
     flags = minds.stopped.astype(np.uint8)
     for slot, bit in _BITS:
         flags |= np.where(minds.column(slot) > 0.0, np.uint8(bit), np.uint8(0))
     shown = (minds.column(MARKED) > 0.0) & (minds.column(MARKING) > 0.0)
     flags |= np.where(shown, np.uint8(_MARK), np.uint8(0))
-    if exhausted is not None:
-        flags |= np.where(exhausted, np.uint8(_EXHAUSTED), np.uint8(0))
+    for which, bit in ((exhausted, _EXHAUSTED), (crashed, _CRASHED)):
+        if which is not None:
+            flags |= np.where(which, np.uint8(bit), np.uint8(0))
     return flags.tobytes()
 
 

@@ -99,6 +99,11 @@ class Outbox:
             state.lost[rows.take(~within_rate).index] += 1
             self.say(Kind.REPORT, rows.take(within_rate), words, places=np.flatnonzero(within_rate))
 
+    def remark(self, rows: Rows, sentence: str, now: float) -> None:
+        """Report at `now` (s) on each of these robots what no expression has asked for, whether it thinks or not."""
+        self._state.assign(TIME_SLOT, rows, now)
+        self.report(rows, sentence)
+
     def may_tell(self, rows: Rows, hops: int) -> tuple[Mask, Rows]:
         """Which of the robots may TELL something now, over this many hops, which is counted; and which of the others
         have not been refused before."""

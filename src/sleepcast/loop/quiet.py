@@ -135,11 +135,14 @@ class QuietWorld:
     def quiet_for(self, most: int) -> int:
         """How many ticks will be quiet from now on, at most `most`; the last one may have something to report."""
         swarm = self._swarm
-        if swarm.posted or swarm.senders or self.block is None or not self.block.suits:
+        simulator, block = swarm.simulator, self.block
+        if swarm.posted or swarm.senders or simulator.news or block is None or not block.suits:
             return 0
         if not all(getattr(each, "patient", False) for each in swarm.witnesses):
             return 0
-        now = swarm.simulator.tick
+        now = simulator.tick
+        if simulator.supplies is not None:
+            most = min(most, simulator.supplies.due - 1 - now)
         most = min(most, self._most, self._before_orders(now), self._before_messages(now), self._before_reports(now))
         most = min(most, self._before_instants(now), self._minds.ready()) if most > 0 else 0
         self._moves = self._sampling() if most > 0 else None

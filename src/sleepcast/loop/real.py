@@ -308,7 +308,16 @@ class NetworkSwarm:
         self.durability.before(self._keepers())
         if awake:
             self._think_all(awake)
+        self._tell_news()
         self._speak()
+
+    def _tell_news(self) -> None:
+        """Let robots report what has befallen their bodies."""
+        news = self.simulator.take_news() if self.simulator.news else []
+        members = {member.number: member for member in self.members} if news else {}
+        for each in news:
+            if each.robot in members:
+                members[each.robot].node.remark(each.text, self.air.now() - members[each.robot].node.zero)
 
     def _think_all(self, awake: Sequence[Member]) -> None:
         """Let these evaluate, those first who had to wait in the last tick; STOP is heard all the while."""

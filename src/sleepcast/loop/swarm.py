@@ -537,16 +537,18 @@ def _is_sampled(swarm: Swarm) -> bool:
     return swarm.simulator.tick % swarm.telemetry_ticks == 0
 
 
-def _tell_of_links(swarm: Swarm) -> None:
-    """Tell the desks what became of the links to bodies, as nodes do of their bridges."""
-    links = swarm.simulator.links
-    for robot, sentence in links.news if links else ():
-        swarm.fleet.outbox.report(swarm.fleet.rows([robot]), sentence)
+def _tell_news(swarm: Swarm) -> None:
+    """Let robots report what has befallen their bodies, as nodes do of what their bridges say."""
+    whose: dict[str, set[int]] = {}
+    for news in swarm.simulator.take_news() if swarm.simulator.news else ():
+        whose.setdefault(news.text, set()).add(news.robot)
+    for sentence, robots in whose.items():
+        swarm.fleet.outbox.remark(swarm.fleet.rows(sorted(robots)), sentence, swarm.now())
 
 
 def _report(swarm: Swarm) -> None:
     """Send the robots' messages, let the desk receive what is due, and sample telemetry when it is due."""
-    _tell_of_links(swarm)
+    _tell_news(swarm)
     for batch in swarm.fleet.take_messages():
         swarm.radio.send_all(batch)
         for witness in swarm.witnesses:

@@ -77,7 +77,7 @@ from sleepcast.node.memory import OutputPort, RobotMemory
 from sleepcast.node.scheduler import RuleRecord, Scheduler
 from sleepcast.node.telling import TellLimit
 from sleepcast.node.timing import TimedCommands
-from sleepcast.robot import Failsafe, RestSensing, Robot
+from sleepcast.robot import NOBODY_DRIVES, Failsafe, RestSensing, Robot
 
 if TYPE_CHECKING:
     from sleepcast.mind.calling import Calls
@@ -481,7 +481,7 @@ class Node:
             memory.variables.stop()
             memory.variables.release()
         except SleepcastError as error:
-            self._report(f"nobody drives it any more, and it does not rest: {error}", ())
+            self._report(f"{NOBODY_DRIVES}, and it does not rest: {error}", ())
         else:
             self._report(AT_REST, ())
 
@@ -661,8 +661,9 @@ class Node:
         known = [None if isnan(v) else v for v in values]
         self.say(Kind.REPORT, body={"label": label, "values": known, **details})
 
-    def remark(self, text: str) -> None:
-        """Report something that no expression has asked for."""
+    def remark(self, text: str, now: float = -inf) -> None:
+        """Report something that no expression has asked for. now: s, where it has not thought in this tick."""
+        self._now = max(self._now, now)
         self._report(text, ())
 
     def _may_tell(self, hops: int) -> bool:

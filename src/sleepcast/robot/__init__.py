@@ -46,6 +46,8 @@ FRESH = 1.0
 """Seconds after which what was measured counts as unknown: the robot, or the way to it, has got stuck."""
 OUT_OF_REACH = "the body is out of reach"
 """How the sentence begins that says why."""
+NOBODY_DRIVES = "nobody drives it any more"
+"""How the sentences begin that say what it does then."""
 DOES_NOTHING = f"{OUT_OF_REACH}, and does nothing"
 REACHED_AGAIN = "the body is within reach again, and at rest until a command moves it"
 

@@ -12,7 +12,7 @@ from typing import Protocol
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.model import HostFunction, Quantity
 from sleepcast.core.units import LENGTH, SPEED
-from sleepcast.robot import FencedError, Limits
+from sleepcast.robot import NOBODY_DRIVES, FencedError, Limits
 
 FARTHEST = 1e5
 """m from the origin: farther away, nothing is meant to be."""
@@ -33,9 +33,22 @@ OF_PLANES = {
     "CLIMB": "Is a fault: a plane does not hover.",
 }
 """What these functions do on planes."""
+FAILSAFES = {"hover": "hovers", "land": "lands", "rtl": "returns home and lands"}
+FAILSAFES_OF_PLANES = {"hover": "circles", "land": "lands", "rtl": "circles at home"}
+"""What they do where nobody drives them any more, by the names of a scenario."""
 LOCKED_MOTORS = (
     "its motors are locked, by an emergency stop, a crash or a lost link: switch it off and on before it flies again"
 )
+
+
+def let_go(does: str) -> str:
+    """The sentence that says what it does now that nobody drives it any more: of `FAILSAFES`, say."""
+    return f"{NOBODY_DRIVES}: it {does}"
+
+
+def exhausted(store: str = "battery", *, in_air: bool = False) -> str:
+    """The sentence that says what it does now that this is used up."""
+    return f"its {store} is empty: it {'lands' if in_air else 'does not take off'}"
 
 
 class Hovering(Protocol):

@@ -28,6 +28,7 @@ from sleepcast.simulator.bodies.pilot import Results, pilot_of
 from sleepcast.simulator.bodies.population import Population, Turnover, joined
 from sleepcast.simulator.bodies.proximity import Sonars
 from sleepcast.simulator.bodies.senses import Senses, functions_of
+from sleepcast.simulator.bodies.supplies import Supplies
 from sleepcast.simulator.engine import Machine, choose, cores, keeps_kernels
 from sleepcast.simulator.motion import encoders, omni, steps
 from sleepcast.simulator.motion.driving import bounded
@@ -114,6 +115,11 @@ class Simulator:
         flight = self.bodies.flight
         self.closeness = Closeness(self.bodies, flight) if flight and flight.collides else None
         """Of flying bodies; None without any that could touch."""
+        uses_up = self.closeness and self.bodies.exhausted() is not None
+        self.supplies = (
+            Supplies(self.bodies, flight, refilled=bool(scenario.stocks or payload)) if flight and uses_up else None
+        )
+        """Of flying bodies; None without any that could be used up."""
         self._pinged = np.zeros(self.bodies.count, np.uint8)
         self.measuring = Measuring(scenario.measures, scenario.tick, self.bodies.x, self.bodies.y, self._there)
         self._halted = np.zeros(self.bodies.count, bool)
@@ -170,6 +176,21 @@ class Simulator:
         """The latest messages that robots have spoken with `TK`."""
         return self.bodies.sayings
 
+    @property
+    def news(self) -> list[Saying]:
+        """What has befallen bodies, such as crashes, and was not taken yet, as a swarm does in each tick to let it be
+        reported; the latest."""
+        return self.bodies.news
+
+    def take_news(self) -> list[Saying]:
+        """Take the news."""
+        return self.bodies.take_news()
+
+    def crashed(self) -> Flags | None:
+        """Which bodies have crashed, and lie where they fell; None where no body can."""
+        flight = self.bodies.flight
+        return flight.crashed > 0.0 if flight and flight.collides else None
+
     def step(self) -> None:
         """One tick: apply the scenario's events, move all bodies, and what `follow` says."""
         scenario = self.scenario
@@ -192,6 +213,8 @@ class Simulator:
             self._halted[:] = self.bodies.stopped
             self.payload.step()
             self.payload.read(self._payload_rows)
+        if self.supplies:
+            self.supplies.look()
         if self.scenario.measures:
             self.measuring.observe(self.tick, self.time)
 
@@ -219,6 +242,8 @@ class Simulator:
             self._take_over(settled)
         if came or settled:
             self.turnover = joined([*came, *([settled] if settled else ())])
+            if self.supplies:
+                self.supplies.look()
         return self.turnover
 
     def add_robot(
@@ -268,6 +293,8 @@ class Simulator:
         """Let bodies, senses and names be those of who is there now."""
         self.bodies.turn_over(turnover)
         self.senses.turn_over(turnover)
+        if self.supplies:
+            self.supplies.turn_over(turnover.changed)
         self._pinged[turnover.dead] = 0
         if isinstance(self.names, NamesByRow):
             self.names = self.names.after(turnover.dead, turnover.children, turnover.numbers)

@@ -61,8 +61,8 @@ class SingleRobot(Body):
         return ""
 
     def complaints(self) -> list[str]:
-        """Problems since the last call: none."""
-        return []
+        """What has befallen it since the last call."""
+        return [news.text for news in self._simulator.take_news() if news.robot == self.number]
 
     def close(self) -> None:
         """Stop the body."""

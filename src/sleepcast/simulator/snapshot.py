@@ -21,7 +21,7 @@ from sleepcast.core.given_numbers import MAX_SEED
 from sleepcast.core.records import dataclass
 from sleepcast.core.serial import Array, Arrays, SerialError, dump_arrays, load_arrays, within
 from sleepcast.core.units import UNITS
-from sleepcast.simulator.bodies.bodies import MAX_SAYINGS, Mode, Saying
+from sleepcast.simulator.bodies.bodies import MAX_SAYINGS, Bodies, Mode, Saying
 from sleepcast.simulator.bodies.population import MAX_BIRTHS, NOBODY
 from sleepcast.simulator.packing import pack, unpack
 from sleepcast.simulator.scenario.events import MAX_EVENTS
@@ -71,6 +71,7 @@ class SimulatorState(msgspec.Struct):
     measures: see `Measuring.state`
     population: see `Population`: the number in each row, and the next one; None where robots do not come and go
     awaited, added: see `Population`
+    news: as `said`, what has befallen bodies since the last tick
     """
 
     scenario: bytes
@@ -84,6 +85,7 @@ class SimulatorState(msgspec.Struct):
     population: tuple[Array, int] | None = None
     awaited: list[int] = []
     added: int = 0
+    news: list[tuple[float, int, str]] = []
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +116,7 @@ def state_of(simulator: Simulator, *, whole: bool = True) -> SimulatorState:
         None if population is None else (Array.of(population.numbers.astype(np.int64)), population.following),
         [] if population is None else population.awaited,
         0 if population is None else population.added,
+        [(saying.time, saying.robot, saying.text) for saying in simulator.news],
     )
 
 
@@ -158,18 +161,26 @@ def restore(simulator: Simulator, state: SimulatorState) -> None:
     _check(simulator)
     if state.things or state.scenario:
         _fill(simulator.world, state)
-    if len(state.said) > MAX_SAYINGS:
-        raise SerialError(f"{len(state.said)} sayings, at most {MAX_SAYINGS} are kept")
-    for time, robot, text in state.said:
-        if not 0 <= robot < bodies.count or isnan(time) or len(text) > MAX_WORDS:
-            raise SerialError("a saying of a robot that is not there, or without end")
-        simulator.sayings.append(Saying(time, robot, text))
+    simulator.sayings.extend(_sayings(state.said, bodies, MAX_SAYINGS))
+    simulator.news.extend(_sayings(state.news, bodies, bodies.most_news))
     simulator.measuring.restore(state.measures)
     if simulator.links is not None:
         simulator.links.look(state.tick)
+    if simulator.supplies is not None:
+        simulator.supplies.go_on()
     if simulator.population is not None:
         _populate(simulator, state)
     bodies.forget()
+
+
+def _sayings(stored: list[tuple[float, int, str]], bodies: Bodies, most: int) -> list[Saying]:
+    """Raises SerialError for more than `most`, or what nobody can have said."""
+    if len(stored) > most:
+        raise SerialError(f"{len(stored)} sayings, at most {most} are kept")
+    for time, robot, text in stored:
+        if not 0 <= robot < bodies.count or isnan(time) or len(text) > MAX_WORDS:
+            raise SerialError("a saying of a robot that is not there, or without end")
+    return [Saying(*each) for each in stored]
 
 
 def _populate(simulator: Simulator, state: SimulatorState) -> None:

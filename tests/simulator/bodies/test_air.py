@@ -67,7 +67,7 @@ def test_a_wind_that_is_faster_carries_it_away_and_it_says_so_once() -> None:
     before = sim.x[HIGH]
     steps(sim, 1.0)
     assert sim.x[HIGH] - before == pytest.approx(2.0, abs=0.01)
-    assert [(each.robot, each.text) for each in sim.sayings] == [
+    assert [(each.robot, each.text) for each in sim.news] == [
         (HIGH, "is carried away: the wind is faster than it flies")
     ]
 

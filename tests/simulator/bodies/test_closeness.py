@@ -46,7 +46,7 @@ def test_the_same_copters_crash_whoever_is_looked_at(edge: str, speed: float) ->
             simulator.step()
         flight = simulator.bodies.flight
         assert flight
-        found.append((simulator.state_hash(), [each.text for each in simulator.sayings]))
+        found.append((simulator.state_hash(), [each.text for each in simulator.news]))
         assert 0 < flight.crashed.sum() < 60
     assert found[0] == found[1]
 

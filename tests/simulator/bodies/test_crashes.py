@@ -75,7 +75,7 @@ def test_copters_fly_over_what_is_lower_and_crash_into_what_is_not(machine: Mach
     sim.robots.go_to(np.array([HIGH, LOW]), np.array([28.0, 28.0]), np.array([30.0, 35.0]))
     steps(sim, 8.0)
     assert sensed(sim, "crashed") == [0.0, 1.0, 0.0]
-    assert [(each.robot, each.text) for each in sim.sayings] == [(LOW, "has crashed into a wall")]
+    assert [(each.robot, each.text) for each in sim.news] == [(LOW, "has crashed into a wall")]
     assert sim.x[HIGH] == pytest.approx(28.0)
     assert 19.0 < sim.x[LOW] < 20.0, "it touches the wall with its rim, and falls where it is"
     assert sensed(sim, "z") == [pytest.approx(5.0), 0.0, 4.0]

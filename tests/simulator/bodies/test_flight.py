@@ -39,6 +39,7 @@ height = "60m"
 like = "copter"
 starts = [["10m", "10m", "0deg"], ["20m", "10m", "90deg", "high", "8m"], ["30m", "10m", "180deg"]]
 """
+SHORT = '[robots.flight]\nhovers = "{}"\nclimb = "1m/s"\nceiling = "30m"\nheight = "5m"\nsink = "0.5m/s"\n'
 LOW, HIGH = 0, 1
 """The first robot stands on the ground, the second one hovers."""
 
@@ -176,8 +177,7 @@ def test_what_it_does_not_do_it_refuses_in_the_words_of_a_real_one() -> None:
 
 
 def test_a_battery_is_used_up_by_hovering_and_lands_it_when_empty() -> None:
-    text = SKY + '[robots.flight]\nhovers = "10s"\nclimb = "1m/s"\nceiling = "30m"\nheight = "5m"\nsink = "0.5m/s"\n'
-    simulator = sky(text=text)
+    simulator = sky(text=SKY + SHORT.format("10s"))
     simulator.robots[HIGH].hold(True)
     steps(simulator, 5.0)
     assert sensed(simulator, HIGH)["battery"] == pytest.approx(0.5)
@@ -227,7 +227,7 @@ def test_a_robot_that_is_gone_leaves_nothing_in_the_air() -> None:
         fleet.send("(WHEN (= id 1) (GOTO 25m 10m))")
         fleet.run(6.0)
         assert fleet.table()["z"].tolist() == pytest.approx([8.0, 8.0])
-        assert not fleet.swarm.simulator.sayings
+        assert not fleet.swarm.simulator.news
 
 
 @pytest.mark.parametrize("machine", MACHINES)
@@ -243,14 +243,14 @@ def test_copters_that_touch_crash_and_fall_and_stay(machine: Machine) -> None:
     assert flight is not None
     assert flight.crashed.tolist() == [0.0, 1.0, 1.0, 1.0, 1.0], "two in the air, and two across the edge"
     assert flight.armed.tolist() == [0.0] * 5
-    assert [(saying.robot, saying.text) for saying in simulator.sayings] == [
+    assert [(saying.robot, saying.text) for saying in simulator.news] == [
         *((3, "has crashed into c5"), (4, "has crashed into c4")),
         *((1, "has crashed into c3"), (2, "has crashed into high")),
     ]
     steps(simulator, 3.0)
     assert flight.z.tolist() == [0.0] * 5
     assert refused(lambda: simulator.robots[1].take_off(3.0)) == hovering.LOCKED_MOTORS
-    assert len(simulator.sayings) == 4
+    assert len(simulator.news) == 4
 
 
 def test_who_falls_falls_as_fast_as_things_do_and_takes_others_down() -> None:
@@ -265,18 +265,18 @@ def test_who_falls_falls_as_fast_as_things_do_and_takes_others_down() -> None:
     moments = 0.1 * np.arange(12)
     assert heights[:12] == pytest.approx(8.0 - 9.81 / 2.0 * moments**2)
     assert heights[-1] == 0.0
-    assert [saying.text for saying in simulator.sayings][-1].startswith("has crashed into")
-    assert {saying.robot for saying in simulator.sayings} == {1, 3, 4}
+    assert [saying.text for saying in simulator.news][-1].startswith("has crashed into")
+    assert {saying.robot for saying in simulator.news} == {1, 3, 4}
 
 
 def test_copters_on_the_ground_touch_nobody_and_a_near_miss_is_none() -> None:
     text = SKY.replace('"180deg"]]', '"180deg"], ["30.4m", "10m", "0deg", "b"], ["21.1m", "10m", "0deg", "c", "8m"]]')
     simulator = sky(text=text)
     steps(simulator, 1.0)
-    assert not simulator.sayings
+    assert not simulator.news
     simulator.robots[3].take_off(5.0)
     steps(simulator, 0.2)
-    assert [saying.robot for saying in simulator.sayings] == [2, 3], "it took off beside one that stood too near"
+    assert [saying.robot for saying in simulator.news] == [2, 3], "it took off beside one that stood too near"
 
 
 def test_fast_ones_do_not_pass_through_each_other() -> None:
@@ -286,7 +286,7 @@ def test_fast_ones_do_not_pass_through_each_other() -> None:
     simulator = sky(text=text)
     simulator.robots[HIGH].go_to(58.0, 10.0), simulator.robots[3].go_to(2.0, 10.0)
     steps(simulator, 2.0)
-    assert {saying.robot for saying in simulator.sayings} == {HIGH, 3}
+    assert {saying.robot for saying in simulator.news} == {HIGH, 3}
 
 
 def test_stop_on_the_way_to_ceiling_and_floor_stays_between_them() -> None:
@@ -345,10 +345,10 @@ def test_beside_copters_rovers_stay_on_the_ground() -> None:
     assert all(np.isnan(rover[name]) for name in ("z", "height", "climb_rate", "armed", "flying", "crashed"))
     simulator.robots[HIGH].go_to(25.0, 20.0, 3.0)
     steps(simulator, 12.0)
-    assert not simulator.sayings, "above it, it touches nothing"
+    assert not simulator.news, "above it, it touches nothing"
     simulator.robots[HIGH].touch_down()
     steps(simulator, 8.0)
-    assert [(each.robot, each.text) for each in simulator.sayings] == [(HIGH, "has crashed into rover1")]
+    assert [(each.robot, each.text) for each in simulator.news] == [(HIGH, "has crashed into rover1")]
     assert simulator.heights is not None
     assert simulator.heights[HIGH] == 0.0
 
@@ -376,8 +376,9 @@ def test_what_only_copters_have_does_not_hold_up_a_rover(act: Callable[[Simulato
 
 
 def test_who_is_let_go_of_hovers_or_lands_as_its_type_says() -> None:
-    for name, lands in (("copter", False), ("crazyflie", True)):
-        simulator = sky(text=SKY.replace('"copter"', f'"{name}"').replace('"8m"', '"1m"'))
+    landing = '"copter"\nflight = { failsafe = "land" }'
+    for kind, lands in (('"copter"', False), (landing, True), ('"crazyflie"', False)):
+        simulator = sky(text=SKY.replace('"copter"', kind).replace('"8m"', '"1m"'))
         body = simulator.robots[HIGH]
         body.act(Setpoint(speed=0.5))
         steps(simulator, 1.0)
@@ -436,6 +437,7 @@ def test_a_body_of_its_own_node_flies_and_keeps_narrower_limits() -> None:
         for _ in range(100):
             body.sense()
     assert (body.rest_state().at_rest, body.stopped) == (True, True)
+    assert body.complaints() == []
     with pytest.raises(MisuseError, match="their fence is the edge of their world"):
         limited(read_scenario(SKY), replace(narrow, fence=(1.0, 1.0, 9.0, 9.0)))
 
@@ -520,3 +522,12 @@ def test_a_neighbour_far_above_a_small_world_is_one() -> None:
     swarm = Swarm(Simulator(read_scenario(text + '[robots.flight]\nceiling = "300m"\n')))
     swarm.step()
     assert [swarm.evaluate("high", f"(COUNT {radius}m)").value for radius in (199, 201, 500)] == [0.0, 2.0, 2.0]
+
+
+def test_what_befalls_a_body_of_its_own_node_is_a_complaint() -> None:
+    with SingleRobot(Simulator(read_scenario(SKY + SHORT.format("2s"))), None) as body:
+        body.take_off(5.0)
+        for _ in range(30):
+            body.sense()
+        assert body.complaints() == [hovering.exhausted(in_air=True)]
+        assert body.complaints() == []

@@ -107,7 +107,7 @@ def test_who_flies_into_a_slope_crashes_and_stays_there(tmp_path: Path, machine:
     sim = hills(tmp_path, machine=machine)
     go(sim, LOW, 80.0, 10.0)
     steps(sim, 20.0)
-    assert [(each.robot, each.text) for each in sim.sayings] == [(LOW, "has crashed into the ground")]
+    assert [(each.robot, each.text) for each in sim.news] == [(LOW, "has crashed into the ground")]
     assert sensed(sim, "crashed")[:3] == [0.0, 1.0, 0.0]
     assert sim.x[LOW] == pytest.approx(56.0, abs=0.6), "the slope is 9 m high there"
     assert sensed(sim, "height")[LOW] == 0.0

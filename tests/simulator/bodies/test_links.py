@@ -65,7 +65,7 @@ async def all_of(events: AsyncIterator[FleetEvent]) -> list[FleetEvent]:
 
 def said(simulator: Simulator) -> list[tuple[float, str]]:
     """What was said so far, and at the end of which second."""
-    return [(round(saying.time + simulator.scenario.tick, 3), saying.text) for saying in simulator.sayings]
+    return [(round(saying.time + simulator.scenario.tick, 3), saying.text) for saying in simulator.news]
 
 
 @pytest.mark.parametrize("machine", MACHINES)

@@ -115,7 +115,7 @@ def test_two_at_one_place_pass_through_each_other_and_nobody_falls() -> None:
     simulator = space()
     steps(simulator, 3.0)
     assert [sensed(simulator, robot)["z"] for robot in range(3)] == [50.0, 50.0, 9000.0]
-    assert not simulator.sayings
+    assert not simulator.news
 
 
 def test_the_edges_of_its_space_hold_it_like_a_wall() -> None:

@@ -223,7 +223,7 @@ def test_stop_on_the_way_to_the_fence_turns_before_it_and_circles_inside(edge: s
     assert 590.0 < max(low[:60]) < far, "it began its turn a turning radius before the fence"
     assert max(high) <= far
     assert max(high[120:]) == pytest.approx(far, abs=0.5), "its circle touches the fence from inside"
-    assert simulator.sayings == [], "no wall has been hit"
+    assert simulator.news == [], "no wall has been hit"
 
 
 def test_what_it_does_not_do_it_refuses_in_the_words_of_a_real_one() -> None:
@@ -273,7 +273,7 @@ def test_planes_that_touch_crash_and_fall() -> None:
     text = SKY.replace('["450m", "200m", "0deg", "b", "80m"]', '["300m", "215m", "-90deg", "b", "60m"]')
     simulator = sky(text=text.replace("starts", 'body = { radius = "2m" }\nstarts'))
     steps(simulator, 1.0)
-    assert [each.text for each in simulator.sayings] == ["has crashed into b", "has crashed into high"]
+    assert [each.text for each in simulator.news] == ["has crashed into b", "has crashed into high"]
     steps(simulator, 10.0)
     for robot in (1, 2):
         fallen = sensed(simulator, robot)
@@ -375,7 +375,7 @@ def test_its_way_is_that_through_the_air_and_that_of_the_air() -> None:
 def test_a_wind_that_is_faster_carries_it_to_the_edge() -> None:
     simulator = windy('uniform = { x = "20m/s" }')
     steps(simulator, 120.0)
-    assert "is carried away: the wind is faster than it flies" in {each.text for each in simulator.sayings}
+    assert "is carried away: the wind is faster than it flies" in {each.text for each in simulator.news}
     assert [float(simulator.x[robot]) for robot in (LOW, HIGH)] == [150.0, 600.0]
 
 

@@ -148,7 +148,8 @@ class CrazyflieBody(BridgedBody):
             if asked and not self._height:
                 self._copter.arm(True)
             self._wanted = asked
-        if now - self._attended > LANDS_AFTER:
+        if now - self._attended > LANDS_AFTER and self._wanted:
+            self.complain(hovering.let_go(hovering.FAILSAFES["land"]))
             self._wanted = 0.0
         if not self._height and not self._wanted:
             self._stay_grounded(motion)
@@ -246,6 +247,11 @@ class CrazyflieBody(BridgedBody):
     def stop(self) -> None:
         super().stop()
         self._asked = None
+
+    def let_go(self) -> None:
+        if self._is_up() and not self._stopped:
+            self.complain(hovering.let_go(hovering.FAILSAFES["hover"]))
+        super().let_go()
 
     def rest(self) -> None:
         super().rest()

@@ -42,6 +42,7 @@ class MavlinkPlane(MavlinkVehicle):
 
     CIRCLE = 60.0
     SPEED_OF = 0.0
+    FAILSAFES = hovering.FAILSAFES_OF_PLANES
 
     def __init__(self, *arguments: Any, **settings: Any) -> None:
         super().__init__(*arguments, **settings)
@@ -136,7 +137,7 @@ class MavlinkPlane(MavlinkVehicle):
         circles = self._mode == self._modes[GUIDED] and self.failsafe.values[0] == self._standing
         if reason != "failsafe" or not circles or not self._armed:
             return super()._claim_for(reason)
-        self._say_once("nobody drives it any more: it circles where it is, in GUIDED")
+        self.say_let_go(self._mode)
         return -1
 
     def carry_out(self, motion: Motion) -> None:

@@ -53,7 +53,7 @@ from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, printable
 from sleepcast.core.geodesy import LocalMap, Origin
 from sleepcast.core.model import MapOutline
-from sleepcast.robot import FRESH, FencedError, Limits, OutOfReachError, Reading, hovering
+from sleepcast.robot import FRESH, NOBODY_DRIVES, FencedError, Limits, OutOfReachError, Reading, hovering
 
 USUAL = 5.0
 """m: the height of a take-off."""
@@ -63,6 +63,9 @@ SILENT = 2.0
 """Seconds without a message after which the vehicle is out of reach: two of its heartbeats."""
 BEAT = 1.0
 """Seconds between two heartbeats of ours: the vehicle's own failsafe waits for several of them."""
+AS_FAILSAFE = {"LOITER": "hover", GUIDED: "hover", LAND: "land", "RTL": "rtl"}
+"""Modes in which it is safe, by the names of `hovering.FAILSAFES`."""
+FAILSAFES_OF_ROVERS = {"hover": "stands", "rtl": "returns home"}
 OTHERS = "its failsafe or somebody else"
 SETTLES = 0.5
 """Seconds after the answer to an order in which a heartbeat may still tell what was before."""
@@ -110,6 +113,8 @@ class MavlinkVehicle(BridgedBody):
 
     RESTING = 0.3
     """What a GPS tells of a vehicle that stands."""
+    FAILSAFES = hovering.FAILSAFES
+    """What it does then, unless it is a rover."""
     SPEED_OF: float = 1.0
     """Of what a limit is ordered: of its speed over ground, 0 for that through the air."""
     CIRCLE: float = 0.0
@@ -300,13 +305,17 @@ class MavlinkVehicle(BridgedBody):
             return -1
         if reason == "stop" or self._is_ours():
             if reason == "failsafe":
-                self._say_once(f"nobody drives it any more: it is to be in {self._names[wanted]}")
+                self.say_let_go(wanted)
             return wanted
         if reason == "failsafe":
-            self._say_once(
-                f"nobody drives it any more; it stays in {self._mode_name()}, into which somebody else has put it"
-            )
+            self._say_once(f"{NOBODY_DRIVES}; it stays in {self._mode_name()}, into which somebody else has put it")
         return -1
+
+    def say_let_go(self, mode: int) -> None:
+        """Say what it does in this mode of its failsafe."""
+        name = self._names[mode]
+        does = FAILSAFES_OF_ROVERS if self._modes is ROVER else self.FAILSAFES
+        self._say_once(f"{hovering.let_go(does[AS_FAILSAFE[name]])} ({name})")
 
     def _is_ours(self) -> bool:
         """Whether we have chosen its mode, or drive it there."""

@@ -211,6 +211,10 @@ class FleetAdapter:
     def exhausted(self) -> None:
         """Nobody knows what these robots drive with."""
 
+    def crashed(self) -> NDArray[np.bool_]:
+        """Which robots tell that they have crashed, as simulated ones do."""
+        return self.minds.named("crashed") > 0.0
+
     @property
     def recent(self) -> float:
         """A rule counts as failing as long as robots have deactivated it."""

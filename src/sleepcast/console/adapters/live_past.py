@@ -174,7 +174,7 @@ class LivePast(Past):
         poses = self._view.poses()
         timeline.poses.add(now, (self._view.tick, poses))
         self._size += PICTURE_OVERHEAD + len(poses)
-        codes, flags = self._groups.look(minds), flags_of(minds, self._view.exhausted())
+        codes, flags = self._groups.look(minds), flags_of(minds, self._view.exhausted(), self._view.crashed())
         marks = RobotMarks(codes, flags, tuple(self._groups.names), self._groups.second, self._view.colours())
         if timeline.marks.at(now) != marks:
             timeline.marks.add(now, marks)

@@ -139,6 +139,10 @@ class SwarmAdapter:
         """Which robots have used up one of the scene's supplies, so that they stand; None where no robot can."""
         return self._swarm.simulator.exhausted()
 
+    def crashed(self) -> NDArray[np.bool_] | None:
+        """Which robots have crashed, and lie where they fell; None where none can."""
+        return self._swarm.simulator.crashed()
+
     @property
     def recent(self) -> float:
         """Simulated seconds after a fault for which its rule counts as failing."""

@@ -1,7 +1,8 @@
 // Binary frames from the station, as console/frames.py lays them out (little endian).
 
 export const EXHAUSTED = 32; // it has used up what it drives with
-export const STILL = 1 | 2 | 4 | EXHAUSTED; // any of the flags that hold a body still
+export const CRASHED = 64;
+export const STILL = 1 | 2 | 4 | EXHAUSTED | CRASHED; // any of the flags that hold a body still
 export const MARKED = 8; // its light shows its mark
 export const SILENT = 16; // what it told is old
 export const FLAG_NAMES = ["stopped", "frozen", "sleeping", "marked", "silent"]; // by bit

@@ -1,8 +1,8 @@
 // The fleet at a glance, in the room of the robot pane while no robot is chosen: what robots sense first, over all of
-// them, and how many stand still, have used up what they drive with, or are not heard.
+// them, and how many stand still, have used up what they drive with, have crashed, or are not heard.
 
 import { make, write } from "./elements.js";
-import { EXHAUSTED, SILENT, STILL } from "./frame.js";
+import { CRASHED, EXHAUSTED, SILENT, STILL } from "./frame.js";
 import { Refusal } from "./wire.js";
 
 const REFRESH = 1000; // ms between two looks
@@ -64,10 +64,12 @@ export class Glance {
   }
 
   tell(scene, { flags }) {
-    const count = (flag) => flags.reduce((sum, each) => sum + (each & flag ? 1 : 0), 0).toLocaleString("en");
+    const number = (flag) => flags.reduce((sum, each) => sum + (each & flag ? 1 : 0), 0);
+    const count = (flag) => number(flag).toLocaleString("en");
     const said = [
       [count(STILL), "stopped or held"],
       ...(scene.supplies.length ? [[count(EXHAUSTED), `without ${scene.supplies.join(" or ")}`]] : []),
+      ...(number(CRASHED) ? [[count(CRASHED), "crashed"]] : []),
       [count(SILENT), "not heard lately"],
       ...(scene.unheard ? [[scene.unheard.toLocaleString("en"), "never heard"]] : []),
     ];

@@ -3,7 +3,7 @@
 
 import { bytes } from "./accounting.js";
 import { write } from "./elements.js";
-import { colourName } from "./frame.js";
+import { colourName, CRASHED } from "./frame.js";
 import { keep, kept } from "./kept.js";
 import { colourCounts, LOOKS, lookOfColour, lookOfGroup, lookOfKind, picture, KINDS } from "./shapes.js";
 import { Refusal } from "./wire.js";
@@ -42,7 +42,8 @@ export class Legend extends EventTarget {
   tick(now) {
     if (now - this.looked < REFRESH) return;
     this.looked = now;
-    if (this.world.frame.colours || this.world.scene.sorts.length || this.items.size > 1) this.draw(this.lit);
+    const { frame, scene } = this.world;
+    if (frame.colours || scene.sorts.length || this.items.size > 1 || this.crashed()) this.draw(this.lit);
     if (this.chosen) this.tell();
   }
 
@@ -68,7 +69,14 @@ export class Legend extends EventTarget {
     const groups = this.groups.filter((group) => group.count).length;
     const parts = [`${count.toLocaleString("en")} ${scene.noun}`];
     if (groups) parts.push(groups === 1 ? "1 group" : `${groups} groups`);
+    const crashed = this.crashed();
+    if (crashed) parts.push(`${crashed.toLocaleString("en")} crashed`);
     return parts.join(" · ");
+  }
+
+  // How many robots have crashed.
+  crashed() {
+    return this.world.frame?.flags.reduce((sum, flags) => sum + (flags & CRASHED ? 1 : 0), 0) ?? 0;
   }
 
   // {key, look or icon, count, text, and kind and value where it can be lit}
@@ -93,6 +101,8 @@ export class Legend extends EventTarget {
     });
     const there = plain.filter(({ count }) => count);
     const first = there.length || lines.length ? there : plain.slice(0, 1);
+    const crashed = this.crashed();
+    if (crashed) lines.push({ key: "crashed", kind: "crashed", icon: "crashed", count: crashed, text: "crashed" });
     if (scene.unheard) lines.push({ key: "unheard", count: scene.unheard, text: "never heard" });
     return [...first, ...lines];
   }
@@ -198,6 +208,7 @@ export class Legend extends EventTarget {
       const { members } = await this.wire.ask("members", { group: value });
       return bytes(members);
     }
+    if (kind === "crashed") return frame.flags.map((flags) => (flags & CRASHED ? 1 : 0));
     if (kind === "colour") return marked(frame.colours ?? new Uint8Array(frame.count), value);
     return marked(looks.bodies, value);
   }

@@ -199,6 +199,7 @@ export function palette() {
     wall: colour("--map-wall"),
     ink: colour("--ink"),
     quiet: colour("--muted"),
+    bad: colour("--bad"),
     lit: colour("--lit"),
     chosen: colour("--chosen"),
     place: colour("--place"),

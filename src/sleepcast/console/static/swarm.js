@@ -1,7 +1,7 @@
 // The robots on the map, in one batch: shapes while those in sight are few enough to tell apart, else
 // points in one image, in which robots of groups still have small shapes while there is room for these.
 
-import { SILENT, STILL } from "./frame.js";
+import { CRASHED, SILENT, STILL } from "./frame.js";
 import { addRing, addRobot, inkOf, LOOKS, NONE, KINDS } from "./shapes.js";
 import { grown } from "./type.js";
 
@@ -96,7 +96,25 @@ export function drawRings(pen, view, { poses, count }, sizes, marks, colour) {
 export function drawSwarm(pen, view, scene, frame, looks, marks, colours, ratio) {
   if (few(view, frame, MAX_SHAPES)) drawShapes(pen, view, scene, frame, looks, marks, colours);
   else drawPoints(pen, view, scene, frame, looks, marks, colours, ratio);
+  drawCrosses(pen, view, frame, sizesOf(view, scene), colours.bad);
   drawRings(pen, view, frame, sizesOf(view, scene), marks, colours.chosen);
+}
+
+// A cross over each robot that has crashed.
+function drawCrosses(pen, view, { poses, count, flags }, sizes, colour) {
+  const paths = [];
+  for (let i = 0; i < count; i += 1) {
+    if (!(flags[i] & CRASHED)) continue;
+    const [x, y, half] = [view.toScreenX(poses[3 * i]), view.toScreenY(poses[3 * i + 1]), 0.8 * sizes(i) + 1];
+    const { cross } = room(paths, () => ({ cross: new Path2D() }));
+    for (const side of [-half, half]) {
+      cross.moveTo(x - half, y - side);
+      cross.lineTo(x + half, y + side);
+    }
+  }
+  pen.strokeStyle = colour;
+  pen.lineWidth = 2.2;
+  for (const { cross } of paths) pen.stroke(cross);
 }
 
 function drawShapes(pen, view, scene, frame, looks, marks, colours) {

@@ -3,7 +3,7 @@
 // Nothing is drawn but in `draw`, at most once for each picture of the screen. The ground is drawn again only when the
 // view changes, the trails when there are new ones, the robots with every frame.
 
-import { colourName, decode, EXHAUSTED, FLAG_NAMES } from "./frame.js";
+import { colourName, CRASHED, decode, EXHAUSTED, FLAG_NAMES } from "./frame.js";
 import { Density } from "./density.js";
 import { gestures } from "./gestures.js";
 import { drawAlternate } from "./alternate.js";
@@ -227,6 +227,7 @@ export class World extends EventTarget {
     FLAG_NAMES.forEach((name, bit) => {
       if (this.frame.flags[index] & (1 << bit)) words.push(name);
     });
+    if (this.frame.flags[index] & CRASHED) words.push("crashed");
     if (this.frame.flags[index] & EXHAUSTED) words.push(`no ${this.scene.supplies.join(" or ")} left`);
     const answer = this.replies?.of(index);
     if (answer) words.push(`answered ${answer}`);

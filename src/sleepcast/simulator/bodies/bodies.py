@@ -58,6 +58,8 @@ FARTHEST = 1e12
 """Greatest coordinate of a point to drive to on a torus, m."""
 MAX_SAYINGS = 1_000
 """Number of latest spoken messages that are kept."""
+NEWS_OF_ONE = 4
+"""What may befall one body in a tick; of so much for each, the oldest go where nobody takes it."""
 TURN = 2.0 * pi
 ROW = 20.0
 """Distance between rows, m, where robots are numbered along rows: robots within sonar range are in the same row or the
@@ -76,7 +78,7 @@ class Mode(IntEnum):
 
 
 class Saying(NamedTuple):
-    """A message spoken by a robot (`TK`): time (s), the robot's index, and the text."""
+    """What a robot has spoken (`TK`), or what has befallen its body: time (s), the robot's index, and the text."""
 
     time: float
     robot: int
@@ -144,7 +146,9 @@ class Bodies:
         self.fence = (0.0, 0.0, scenario.width, scenario.height)
         self.world = World(scenario.shapes)
         self.tick = 0
-        self.sayings = list[Saying]()
+        self.sayings, self.news = list[Saying](), list[Saying]()
+        """What robots have spoken, and what has befallen bodies and was not taken yet; the latest of both."""
+        self.most_news = max(MAX_SAYINGS, NEWS_OF_ONE * self.count)
         self.sensors = (*sensors_of(scenario), *added) if sensors is None else sensors
         ring = robots.ring
         own, all_ = len(self.sensors), len(self.sensors) + (ring.count + 1 if ring else 0)
@@ -410,10 +414,22 @@ class Bodies:
                     exhausted[which] |= row <= 0.0
         return exhausted if self.population is None else exhausted & self.population.present
 
-    def say_of(self, robot: int, text: str) -> None:
-        """Keep what a robot speaks, or what is to be said of it, now."""
-        del self.sayings[: max(0, len(self.sayings) + 1 - MAX_SAYINGS)]
-        self.sayings.append(Saying(self.time, robot, text))
+    def speak(self, robot: int, text: str) -> None:
+        """Store what a robot speaks now."""
+        self._keep(self.sayings, MAX_SAYINGS, robot, text)
+
+    def say_of(self, robot: int, sentence: str) -> None:
+        """Store what befalls a body now, until somebody takes it to tell its operator."""
+        self._keep(self.news, self.most_news, robot, sentence)
+
+    def _keep(self, sayings: list[Saying], most: int, robot: int, text: str) -> None:
+        del sayings[: max(0, len(sayings) + 1 - most)]
+        sayings.append(Saying(self.time, robot, text))
+
+    def take_news(self) -> list[Saying]:
+        """What has befallen bodies since the last call, in the order in which it did."""
+        taken, self.news = self.news, []
+        return taken
 
     def forget(self) -> None:
         """Invalidate the spatial index and the sonar readings: bodies have moved."""

@@ -142,7 +142,7 @@ class Body:
         return side
 
     def say(self, text: str) -> None:
-        self._bodies.say_of(self.number, text)
+        self._bodies.speak(self.number, text)
 
     def turn_wheels(self, right: float, left: float) -> None:
         wheels = self._bodies.part_of(self.number).scenario.robots.wheels

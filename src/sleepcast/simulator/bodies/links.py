@@ -17,7 +17,7 @@ import numpy as np
 
 from sleepcast.core.records import NamedTuple
 from sleepcast.core.ticks import tick_at
-from sleepcast.robot import OUT_OF_REACH, REACHED_AGAIN, hovering
+from sleepcast.robot import OUT_OF_REACH, REACHED_AGAIN
 from sleepcast.simulator.bodies.bodies import Bodies
 from sleepcast.simulator.bodies.flight import Flight
 from sleepcast.simulator.bodies.pilot import pilot_of
@@ -28,7 +28,6 @@ from sleepcast.simulator.scenario.events import LinkCut
 DRIVEN_ON = 3.0
 """Seconds after which a vehicle of ArduPilot drops velocities that are not renewed (`GUID_TIMEOUT`)."""
 LOST = f"{OUT_OF_REACH}: its link is cut"
-LET_GO = "nobody drives it any more: it "
 
 
 class CutTicks(NamedTuple):
@@ -47,8 +46,6 @@ class Links:
     def __init__(self, bodies: Bodies, cuts: Sequence[LinkCut]) -> None:
         self._bodies = bodies
         self._cuts = [self._ticks_of(cut) for cut in cuts]
-        self.news: list[tuple[int, str]] = []
-        """What became of links in the last tick: the index of each robot, and a sentence."""
 
     def _ticks_of(self, cut: LinkCut) -> CutTicks:
         tick, flight = self._bodies.scenario.tick, self._bodies.part_of(cut.robot).scenario.robots.flight
@@ -69,7 +66,6 @@ class Links:
         """What the next tick begins with, before anything moves: links that are cut or back, and bodies that help
         themselves."""
         tick = self._bodies.tick + 1
-        self.news.clear()
         for cut in self._cuts:
             if tick == cut.begins:
                 self._lose(cut.robot)
@@ -83,7 +79,7 @@ class Links:
     def _lose(self, robot: int) -> None:
         """The link is gone. Only what renews its own motion flies on, unless its mind holds it still."""
         bodies, flight = self._bodies, self._flight_of(robot)
-        self._tell(robot, LOST)
+        bodies.say_of(robot, LOST)
         spec = bodies.part_of(robot).scenario.robots.flight
         if flight is None or spec is None or spec.watchdog < inf or bodies.held[robot]:
             self._rest(robot)
@@ -94,7 +90,7 @@ class Links:
         helped = flight is not None and cut.acts < cut.ends
         if not helped or bodies.stopped[cut.robot]:
             self._rest(cut.robot)
-        self._tell(cut.robot, REACHED_AGAIN)
+        bodies.say_of(cut.robot, REACHED_AGAIN)
 
     def _act(self, robot: int) -> None:
         """The body has waited for its mind long enough."""
@@ -106,16 +102,10 @@ class Links:
         if not flight.z[robot] > flight.ground[robot]:
             flight.rest(which)
         elif spec.watchdog < inf:
-            flight.lock(which)
-            self._tell(robot, hovering.LOCKED_MOTORS)
+            pilot_of(self._bodies).lock(which)
         elif flight.target_z[robot] != LANDS:
             flight.rest(which)
             pilot_of(self._bodies).let_go(which)
-            self._tell(robot, LET_GO + spec.safe)
-
-    def _tell(self, robot: int, sentence: str) -> None:
-        self._bodies.say_of(robot, sentence)
-        self.news.append((robot, sentence))
 
     def _rest(self, robot: int) -> None:
         """End what moves this body."""

@@ -24,7 +24,6 @@ UNCUT = "this robot has no emergency stop"
 STOPPED = "it is stopped: RELEASE it first"
 NO_ROOF = "its roof ends before it is fast enough to fly: it needs more room ahead"
 NO_RUN = "its take-off leads out of the fence: it needs more room ahead"
-EMPTY = "its battery is empty: it does not take off"
 
 Fence = tuple[float, float, float, float]
 Results = list[float | SleepcastError] | None
@@ -59,7 +58,7 @@ class Pilot(NamedTuple):
         told.refuse(flight.locked[robots], hovering.LOCKED_MOTORS)
         exhausted = self.bodies.exhausted()
         if exhausted is not None:
-            told.refuse(exhausted[robots], EMPTY)
+            told.refuse(exhausted[robots], hovering.exhausted())
         if flight.wings:
             told.refuse(flight.wings.rolls_off(robots), NO_ROOF)
             told.check(flight.wings.lacks_room(robots), _refuse_run)
@@ -114,19 +113,31 @@ class Pilot(NamedTuple):
     def cut_motors(self, robots: Whole) -> Results:
         """STOP does not keep anybody from it."""
         told = self._told_of_emergency(robots)
-        self.flight.lock(told.free)
+        self.lock(told.free)
         return told.results
 
     def cut_all_motors(self, robots: Whole) -> Results:
         """Of all that have an emergency stop, as if they were on one radio channel."""
         told = self._told_of_emergency(robots)
         if told.free.size:
-            self.flight.lock(np.flatnonzero(self.flight.cuts))
+            self.lock(np.flatnonzero(self.flight.cuts))
         return told.results
 
+    def lock(self, which: Whole) -> None:
+        """Stop the motors of these bodies for good, and say so of those whose motors could have turned."""
+        newly = which[~self.flight.locked[which]]
+        self.flight.lock(which)
+        for robot in newly.tolist():
+            self.bodies.say_of(robot, hovering.LOCKED_MOTORS)
+
     def let_go(self, which: Whole) -> None:
-        """Land those of these bodies that land where nobody drives them any more, and send those home that return."""
+        """Land those of these bodies that land where nobody drives them any more, and send those home that return. Of
+        those in the air it is told what they do."""
         flight = self.flight
+        for robot in which[self._are_flown(which)].tolist():
+            spec = self.bodies.part_of(robot).scenario.robots.flight
+            assert spec is not None
+            self.bodies.say_of(robot, spec.let_go)
         self.land(which[flight.lands_alone[which]])
         if flight.homes:
             up = flight.z[which] > flight.ground[which]
@@ -149,6 +160,12 @@ class Pilot(NamedTuple):
         told = _Told(robots, everybody.copy(), everybody)
         told.refuse(~self.flight.cuts[robots], UNCUT)
         return told
+
+    def _are_flown(self, robots: Whole) -> Flags:
+        """Which of them motors keep in the air."""
+        flight = self.flight
+        flown: Flags = flight.flies[robots] & (flight.z[robots] > flight.ground[robots]) & (flight.armed[robots] > 0.0)
+        return flown
 
     def _is_grounded(self, robots: Whole) -> Flags:
         """Which of them stand on the ground or a roof, and are not about to leave it."""

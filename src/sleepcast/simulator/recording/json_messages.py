@@ -33,7 +33,10 @@ class MarksBody(msgspec.Struct, omit_defaults=True):
     groups: Annotated[bytes, Meta(description="for each robot the number of its newest group, a byte; 0 for none")]
     flags: Annotated[
         bytes,
-        Meta(description="for each robot a byte: bit 0 stopped, 1 frozen, 2 sleeping, 3 marked, 5 out of energy"),
+        Meta(
+            description="for each robot a byte: bit 0 stopped, 1 frozen, 2 sleeping, 3 marked, 5 out of energy, "
+            "6 crashed"
+        ),
     ]
     names: Annotated[list[str], Meta(description="of the groups, from number 1")]
     second: Annotated[

@@ -76,11 +76,9 @@ class FlightSpec:
     watchdog: float = inf
 
     @property
-    def safe(self) -> str:
-        """What it does where nobody drives it any more, in words."""
-        if self.stall:
-            return {"hover": "circles", "land": "lands", "rtl": "circles at home"}[self.failsafe]
-        return {"hover": "hovers", "land": "lands", "rtl": "returns home and lands"}[self.failsafe]
+    def let_go(self) -> str:
+        """The sentence that says what it does now that nobody drives it any more."""
+        return hovering.let_go((hovering.FAILSAFES_OF_PLANES if self.stall else hovering.FAILSAFES)[self.failsafe])
 
 
 def read_particle(robots: Table, limits: Limits) -> tuple[FlightSpec, Limits]:
@@ -120,7 +118,7 @@ def read_flight(robots: Table, limits: Limits, size: tuple[float, float]) -> tup
             height=table.number("height", LENGTH, low=floor, high=ceiling),
             hovers=table.number("hovers", TIME, inf, low=1.0),
             climbs=table.number("climbs", LENGTH, inf, low=1.0),
-            failsafe=table.text("failsafe", "hover", choices=("hover", "land", "rtl")),
+            failsafe=table.text("failsafe", "hover", choices=tuple(hovering.FAILSAFES)),
             cuts=table.flag("emergency_stop", False),
             watchdog=table.number("watchdog", TIME, inf, low=LEAST_WATCHDOG),
             **_wings(table, limits, size) if table.has("stall") else {},

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
@@ -79,6 +80,39 @@ def test_a_line_lights_its_robots_and_follows_them(page: Page, chromium: Browser
         expect(phone.locator("#legend-lines button:first-child")).to_have_text(["17 sheep", "3 a", "2 b", "1 colour 7"])
         fold.tap()
         expect(phone.locator("#legend-lines li").first).to_be_hidden()
+
+
+CRASH = """
+format = 2
+title = "Two that touch at once, and one beside them"
+seconds = "1min"
+
+[world]
+width = "20m"
+height = "20m"
+
+[robots]
+like = "copter"
+starts = [["5m", "9m", "0deg", "a", "8m"], ["5.5m", "9m", "0deg", "b", "8m"], ["15m", "9m", "0deg", "c", "8m"]]
+"""
+
+
+def test_who_has_crashed_has_a_line_and_a_cross_and_its_report(tmp_path: Path, context: BrowserContext) -> None:
+    (tmp_path / "crash.toml").write_text(CRASH, encoding="utf-8")
+    with Program("run", tmp_path / "crash.toml", "--page") as program:
+        page = context.new_page()
+        page.goto(program.address)
+        line = page.locator("#legend-lines button:first-child").last
+        expect(line).to_have_text("2 crashed")
+        assert until(page, lambda: pixels(page, "--bad"))
+        line.click()
+        assert until(page, lambda: pixels(page, "--lit"))
+        expect(page.locator(".glance")).to_contain_text("2 crashed")
+        page.locator("#map").focus()
+        page.keyboard.press("ArrowLeft")
+        expect(page.locator("#robot-state")).to_have_text("crashed")
+        page.locator("#tab-said").click()
+        expect(page.locator("#pane-said")).to_contain_text("has crashed into")
 
 
 def test_the_icon_of_the_robot_follows_the_theme(page: Page) -> None:

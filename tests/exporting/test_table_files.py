@@ -66,7 +66,7 @@ def test_units_are_in_the_metadata_of_columns_and_the_run_in_those_of_the_file(e
 def test_csv_is_what_other_programs_expect(exported: Path) -> None:
     text = (exported / "csv" / "marks.csv").read_bytes()
     assert b"\r" not in text
-    assert text.decode().split("\n")[-2] == "10.0,scout3,,,0,true,false,false,false,false"
+    assert text.decode().split("\n")[-2] == "10.0,scout3,,,0,true,false,false,false,false,false"
     with (exported / "csv" / "commands.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert rows[1]["text"] == '(WHEN (IN east) (RULE roll (DRIVE 0.5m/s 10deg/s)) (TK "off we go"))'

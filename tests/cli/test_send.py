@@ -101,6 +101,11 @@ def test_a_person_is_told_who_was_chosen_and_who_was_outbid_by_whom(on_air: Call
     assert "test or cost unknown 2: r1, r2" in unsure.out
 
 
+def test_who_sends_is_told_that_robots_wait_where_there_is_time_to_call_it_off(on_air: Callable[..., Called]) -> None:
+    assert "robots wait for" in on_air("send", "(AFTER-ISSUE 3s (WHEN (< id 4) (MARK)))").err
+    assert "robots wait for" not in on_air("send", "(AFTER-ISSUE 1ms (WHEN (< id 4) (MARK)))").err
+
+
 def test_robots_wait_for_an_instant_and_a_script_is_told_within_which_bound_they_obeyed(dozen: str) -> None:
     found = again_until(
         lambda told: told["n_matched"] == 3 and not told["n_waiting"],

@@ -9,11 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from language.cases import Setting
+from sleepcast.channel import Kind, Message
 from sleepcast.fleet import Fleet as ManyMinds
 from sleepcast.language import CheckError, ReadError
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.station import DoubtError, SendPolicy
-from sleepcast.station.validation import NEVER_HEARD, STALE, TEST_UNKNOWN, UNDECIDED, UNKNOWN, FleetNames
+from sleepcast.station.validation import COST_UNKNOWN, NEVER_HEARD, STALE, TEST_UNKNOWN, UNDECIDED, UNKNOWN, FleetNames
 from station.fleet import Fleet
 
 BRAVO = "(WHEN (AND (> fuel 50%) (> ordnance 70%)) (JOIN bravo))"
@@ -126,6 +127,32 @@ def test_an_operator_that_does_something_makes_its_robot_unknown(fleet: Fleet) -
     found = fleet.station.preview("(WHEN (ready) (JOIN bravo))")
     assert found.unknown["s3"] == "its test evaluates ready, which does something"
     assert found.reasons == {TEST_UNKNOWN: 9, found.unknown["s3"]: 1}, "the others have no ready"
+
+
+def test_a_bid_needs_a_cost_that_is_known(fleet: Fleet) -> None:
+    fleet.report()
+    found = fleet.station.preview("(BEST 4 (IF (> fuel 50%) fuel UNKNOWN) (> ordnance 20%) (JOIN red))")
+    bare = fleet.station.preview("(WHEN (AND (> ordnance 20%) (> fuel 50%)) (JOIN red))")
+    assert found.yes == bare.yes
+    assert set(found.reasons) == {COST_UNKNOWN}
+    assert found.count(UNDECIDED) == len(found.unknown) > 0
+    chance = fleet.station.preview("(BEST 4 (RANDOM 0 1) TRUE (JOIN red))")
+    assert len(chance.yes) == 10, "whatever it is, it will be known"
+
+
+def test_who_is_held_still_does_not_bid(fleet: Fleet) -> None:
+    fleet.minds["s3"].receive(Message("desk", 1, 1, Kind.STOP, 0.0))
+    fleet.minds["s4"].evaluate("(FREEZE)")
+    fleet.report()
+    assert fleet.station.preview("(BEST 4 fuel TRUE (JOIN red))").no == names(3, 4)
+    assert fleet.station.preview("(WHEN (KNOWN fuel) (JOIN red))").no == ()
+
+
+@pytest.mark.parametrize(("least", "most", "chosen"), [(5, 8, 8), (5, 64, 10), (10, 10, 10), (11, 12, 0)])
+def test_no_more_may_obey_than_bid_and_of_too_few_none(fleet: Fleet, least: int, most: int, chosen: int) -> None:
+    fleet.report()
+    assert fleet.station.preview(f"(QUORUM {least} {most} (KNOWN fuel) (JOIN red))").most == chosen
+    assert fleet.station.preview("(WHEN (KNOWN fuel) (JOIN red))").most is None
 
 
 def test_groups_count_as_told(fleet: Fleet) -> None:

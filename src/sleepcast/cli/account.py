@@ -106,13 +106,16 @@ def census(account: Account) -> dict[str, object]:
 
 def forecast_text(forecast: Forecast) -> str:
     """Who would obey, as far as the desk knows: printed before anything is sent."""
+    from sleepcast.station.validation import chosen_in_words
+
     if not forecast.may + len(forecast.no) + len(forecast.undecided):
         return "no robot was heard before, so it is unknown which robots will obey"
     unheard = f", and {forecast.nameless} that were never heard" if forecast.nameless else ""
     may = f"{listed('cannot say', forecast.unknown)}{unheard}"
-    undecided = f"; {listed('test unknown', forecast.undecided)}" if len(forecast.undecided) else ""
+    what = "test unknown" if forecast.most is None else "test or cost unknown"
+    undecided = f"; {listed(what, forecast.undecided)}" if len(forecast.undecided) else ""
     would, chosen = (
-        ("would obey", "") if forecast.most is None else ("would bid", f"; {forecast.most} at most will obey")
+        ("would obey", "") if forecast.most is None else ("would bid", f"; {chosen_in_words(forecast.most)}")
     )
     return f"{listed(would, forecast.yes)}; {may}; would not {len(forecast.no)}{undecided}{chosen}"
 

@@ -40,6 +40,8 @@ GRACE = 1.0
 """Seconds after the time for answers for which they are still taken: for a robot's tick, and for repairs."""
 PATIENCE = 2.0
 """The same for a question, which is asked again where its answer was lost."""
+CALLED_OFF = 1.0
+"""Seconds to the instant of a command from which on it is said that robots wait: sooner, nobody calls it off."""
 MAX_HOLD = 86_400.0
 """Seconds for which a command of one line may keep robots going: what drives longer than a day wants a rule."""
 
@@ -277,9 +279,8 @@ def release(air: AirOptions, as_json: bool) -> int:
 
 def gathered(station: NetworkStation, sent: Command, patience: float, as_json: bool) -> int:
     """Collect the answers, and print the account. The exit status is 1 if anything went wrong on a robot."""
-    if sent.instant is not None:
-        left = duration(max(0.0, sent.instant - station.now))
-        complain(f"robots wait for {time_of_day(sent.instant)}, in {left}; (CANCEL) or STOP discards it")
+    if sent.instant is not None and (left := sent.instant - station.now) >= CALLED_OFF:
+        complain(f"robots wait for {time_of_day(sent.instant)}, in {duration(left)}; (CANCEL) or STOP discards it")
     station.gather(sent, patience)
     station.settle(sent, patience)
     account = station.accounting(sent.id)

@@ -230,6 +230,10 @@ class TelemetryTable(ABC):
         reason = memory.reason[rows.index]
         return np.where(reason == 0, values, nan), reason, memory.reasons
 
+    def stopped(self, robots: Index) -> Mask:
+        """Which of these robots were stopped at their latest telemetry, as far as that is known."""
+        return np.zeros(len(robots), np.bool_)
+
 
 class BulkTelemetry(TelemetryTable):
     """Telemetry of minds that answer for many robots at once."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Sequence
+from functools import cached_property
 from math import nan
 from typing import TYPE_CHECKING, TypeAlias
 from weakref import ref
@@ -131,12 +132,24 @@ class Program:
             part.watch = 0  # nothing but a test: its value says whether it held
             return self
         root = tests[0] if len(tests) == 1 else Part("and" if part.op == "and" else "or", part.form, tests)
-        test = Program.__new__(Program)
-        test.__dict__.update(self.__dict__)
-        test.root = _within(self.root, part, root)
-        test.form, test.cost, test.test = test.root.form, cost(test.root), test
-        test._look_at(walk(test.root))
+        test = self._of(_within(self.root, part, root))
+        test.test = test
         return test
+
+    @cached_property
+    def bid_cost(self) -> Program | None:
+        """The cost of a BEST as a program of its own; None where nothing is chosen by a cost."""
+        auction = next((part for part in walk(self.root) if part.op == "auction"), None)
+        return None if auction is None or not auction.parts[:-1] else self._of(auction.parts[0])
+
+    def _of(self, root: Part) -> Program:
+        """A piece of the program as one of its own, without a test."""
+        piece = Program.__new__(Program)
+        piece.__dict__.update(self.__dict__)
+        piece.root, piece.form, piece.cost = root, root.form, cost(root)
+        piece.runs, piece.code, piece.test = 0, None, None
+        piece._look_at(walk(root))
+        return piece
 
 
 def _watch(part: Part) -> tuple[Part, ...]:

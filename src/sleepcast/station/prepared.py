@@ -42,6 +42,7 @@ from sleepcast.station.validation import (
     Preview,
     SendPolicy,
     UnknownNameError,
+    chosen,
     is_for_everybody,
 )
 
@@ -170,7 +171,9 @@ class Prepared(msgspec.Struct, frozen=True, eq=False, dict=True):
     def forecast(self) -> Forecast:
         """Who would obey, of those whom it is for."""
         yes, no, unknown, undecided = (self._named(code) for code in (YES, NO, UNKNOWN, UNDECIDED))
-        return Forecast(yes, no, unknown, self.nameless, undecided, self.preview.most)
+        wanted, bidders = self.preview.wanted, len(yes) + len(unknown) + self.nameless
+        most = None if wanted is None else chosen(wanted, bidders)
+        return Forecast(yes, no, unknown, self.nameless, undecided, most)
 
     def _named(self, code: int) -> RobotNames:
         return RobotNames(self.preview.names, self._places(code))

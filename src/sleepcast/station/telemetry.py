@@ -15,7 +15,7 @@ from struct import unpack_from
 import numpy as np
 
 from sleepcast.columns.telemetry import Key, KnownSymbols, TelemetryTable, Undecided
-from sleepcast.columns.values import AskedColumns, Column, Mask, Rows
+from sleepcast.columns.values import AskedColumns, Column, Index, Mask, Rows
 from sleepcast.language.parts import Part
 from sleepcast.language.program import Program
 from sleepcast.language.rehearsal import holds
@@ -189,6 +189,10 @@ class ToldTelemetry(TelemetryTable):
             if place < len(self._rows):
                 self._rows[place] = None
         self._told += 1
+
+    def stopped(self, robots: Index) -> Mask:
+        minds = (self._minds.get(self._names[place]) for place in robots.tolist())
+        return np.array([mind is not None and mind.stopped for mind in minds], np.bool_)
 
     def latest(self) -> AskedColumns:
         told, latest = self._told, self._latest

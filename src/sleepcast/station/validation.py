@@ -33,9 +33,9 @@ from sleepcast.language.evaluate import is_true
 from sleepcast.language.explain import Explanation
 from sleepcast.language.parts import Part, auction_of, walk
 from sleepcast.language.program import Program
-from sleepcast.language.rehearsal import ACTION
+from sleepcast.language.rehearsal import ACTION, CHANCE
 from sleepcast.language.symbols import Declared
-from sleepcast.language.vocabulary import Variable, Vocabulary
+from sleepcast.language.vocabulary import FROZEN, SLEEPING, Variable, Vocabulary
 from sleepcast.station.roster import Index, Roster, Seconds
 
 MAX_LISTED = 4_096
@@ -335,6 +335,7 @@ TEST_UNKNOWN = "its test has no known value there, so it would not obey"
 NEVER_HEARD = "it has sent no telemetry yet"
 STALE = "its last news is too old"
 COMMANDED = "it was commanded since its last news"
+COST_UNKNOWN = "its cost has no known value there, so it would not bid"
 
 
 NO, YES, UNKNOWN, UNDECIDED, NOBODY = range(5)
@@ -351,7 +352,7 @@ class Preview(msgspec.Struct, frozen=True, eq=False, dict=True):
     everybody: the command has no test, or one that is true whatever the robot
     oldest: the age in s of the oldest news that a yes or no rests on (0 if none does)
     nameless: how many robots there are besides that were never heard, all of them unknown
-    most: how many are chosen of those who would bid, None for a command that chooses nobody
+    wanted: how many are chosen of those who would bid, at least and at most; None for a command that chooses nobody
     """
 
     codes: NDArray[np.uint8]
@@ -361,7 +362,13 @@ class Preview(msgspec.Struct, frozen=True, eq=False, dict=True):
     everybody: bool
     oldest: float
     nameless: int = 0
-    most: int | None = None
+    wanted: tuple[int, int] | None = None
+
+    @property
+    def most(self) -> int | None:
+        """How many may obey of those who would bid, None for a command that chooses nobody."""
+        bidders = int(np.count_nonzero(np.isin(self.codes, (YES, UNKNOWN)))) + self.nameless
+        return None if self.wanted is None else chosen(self.wanted, bidders)
 
     def without(self, robots: Index, why: str) -> Preview:
         """The same, but for the robots at these places, of which the desk cannot say for another reason."""
@@ -441,13 +448,55 @@ def preview(
         reason[robots] = np.where(undecided, np.uint8(len(listed)), why + np.uint8(len(listed)))
         listed += reasons
         oldest = float(np.min(times[robots][known], initial=now))
+    auction, everybody = auction_of(program.root), is_for_everybody(program)
+    if auction is not None:
+        _look_at_bids(program, table, codes, reason, listed, (now, times))
     if roster.everybody is not None:
         nobody = np.ones(count, np.bool_)
         nobody[roster.everybody] = False
         codes[nobody] = NOBODY
-    auction, everybody = auction_of(program.root), is_for_everybody(program)
-    most = None if auction is None else auction.most
-    return Preview(codes, reason, tuple(listed), roster.names, everybody, now - oldest, roster.nameless, most)
+    wanted = None if auction is None else (auction.least, auction.most)
+    return Preview(codes, reason, tuple(listed), roster.names, everybody, now - oldest, roster.nameless, wanted)
+
+
+def chosen(wanted: tuple[int, int], bidders: int) -> int:
+    """How many may obey a command that chooses so many, at least and at most, if so many may bid."""
+    least, most = wanted
+    return min(most, bidders) if bidders >= least else 0
+
+
+def chosen_in_words(most: int) -> str:
+    """The same for people."""
+    return f"{most} at most will obey" if most else "too few for any to obey"
+
+
+def _look_at_bids(
+    program: Program,
+    table: TelemetryTable,
+    codes: NDArray[np.uint8],
+    reason: NDArray[np.uint8],
+    listed: list[str],
+    at: tuple[float, Seconds],
+) -> None:
+    """Of those whose test is true, let none bid that is held still, and none whose cost is unknown. at: the time, and
+    when each robot told of itself, s."""
+    robots = np.flatnonzero(codes == YES)
+    columns, rows = table.latest(), Rows.of(robots)
+    held = table.stopped(robots)
+    for slot in (SLEEPING, FROZEN):
+        held |= columns.column(slot, rows) > 0.0
+    codes[robots[held]] = NO
+    if (cost := program.bid_cost) is None:
+        return
+    robots = robots[~held]
+    values, why, reasons = table.values(cost, robots, *at)
+    unknown, unsure = (why == 0) & np.isnan(values), why > 0
+    if CHANCE in reasons:  # whatever it is, it will be known
+        unsure &= why != reasons.index(CHANCE) + 1
+    codes[robots[unknown]], codes[robots[unsure]] = UNDECIDED, UNKNOWN
+    listed.append(COST_UNKNOWN)
+    reason[robots[unknown]], reason[robots[unsure]] = len(listed), why[unsure] + np.uint8(len(listed))
+    listed += reasons
 
 
 _DEEDS = frozenset({"set_user", "write", "defvar", "store", "act"})

@@ -35,7 +35,15 @@ from sleepcast.language.vocabulary import Variable
 from sleepcast.station.asking import AwaitedRelease
 from sleepcast.station.network import ANSWERS_A_SECOND, NetworkStation
 from sleepcast.station.staging import Stages
-from sleepcast.station.validation import NO, UNKNOWN, YES, CountNeededError, DoubtError, NotConfirmedError
+from sleepcast.station.validation import (
+    NO,
+    UNKNOWN,
+    YES,
+    CountNeededError,
+    DoubtError,
+    NotConfirmedError,
+    chosen_in_words,
+)
 
 if TYPE_CHECKING:
     from sleepcast.station.network import NetworkStation
@@ -232,7 +240,7 @@ class TuiSession:
         reason = next(iter(preview.reasons), "")
         why = f" ({reason})" if unknown and reason and not self.to.robot else ""
         who = ", EVERYBODY" if preview.everybody and not self.to.robot else ""
-        would = "would obey" if preview.most is None else f"would bid, {preview.most} at most will obey"
+        would = "would obey" if preview.most is None else f"would bid, {chosen_in_words(preview.most)}"
         return f"{would}: yes {yes}, no {no}, unknown {unknown}{why}{who}"
 
     @staticmethod

@@ -18,6 +18,12 @@ const FIRST_HINT = "Enter starts time";
 const MAX_NAMES = 12; // names offered at once
 const MAX_CHARACTERS = 16384; // of a command, as console/incoming.py has it
 
+// What robots whose test is true would do. most: how many may obey of those who bid, null for a command that chooses nobody.
+function wouldOf(most) {
+  if (most === null) return "would obey";
+  return `would bid, ${most ? `${most.toLocaleString("en")} at most will obey` : "too few for any to obey"}`;
+}
+
 // Enter in a field that asks back; not of a key that is still held down from the question.
 function onceMore(field, then) {
   field.addEventListener("keydown", (event) => {
@@ -276,7 +282,7 @@ export class Prompt extends EventTarget {
       const count = answer ? answer[name].toLocaleString("en") : "–";
       write(this.find(name), count);
     }
-    write(this.find("would"), answer?.most ? `would bid, ${answer.most.toLocaleString("en")} at most will obey` : "would obey");
+    write(this.find("would"), wouldOf(answer?.most ?? null));
     this.find("unknown").parentElement.title = answer?.reasons.map(([why, count]) => `${count}: ${why}`).join("\n") ?? "";
     this.find("preview").classList.toggle("known", answer !== null);
     const everybody = (answer?.everybody ?? false) && this.kind !== "ask";

@@ -211,7 +211,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
   prompt.addEventListener("preview", ({ detail }) => {
     if (litElsewhere()) return;
     if (detail === null) lightChosen();
-    else if (foretelling) light(detail.counted ? Uint8Array.from(bytes(detail.lit), (code) => (code === 1 ? 1 : 0)) : null, detail.most ? "would bid" : "would obey");
+    else if (foretelling) light(detail.counted ? Uint8Array.from(bytes(detail.lit), (code) => (code === 1 ? 1 : 0)) : null, (detail.most ?? null) !== null ? "would bid" : "would obey");
   });
 
   prompt.addEventListener("sent", async ({ detail }) => {

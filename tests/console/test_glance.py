@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from statistics import median
 
+from console.asking import put
 from console.test_backend import Stand, stand
 from sleepcast.console.feature import HANDLERS, run_again
-from sleepcast.console.features.glance import GetGlance, Glance
+from sleepcast.console.features.glance import MAX_LATEST, GetGlance, Glance
+from sleepcast.console.features.send import Send
 from sleepcast.console.registry import decode
 from sleepcast.console.swarm_dialogue import SwarmDialogue
 
@@ -27,6 +29,18 @@ def test_it_says_least_median_and_greatest(stand: Stand) -> None:
     assert found.serial == 3
     assert (battery.shown, battery.unknown) == (wanted, 0)
     assert not {"x", "y", "heading"} & {quantity.name for quantity in found.quantities}
+
+
+def test_it_says_what_robots_reported_last_whichever_they_are(stand: Stand) -> None:
+    assert glance(stand).reports == []
+    for number in (3, 5):
+        put(stand.desk, Send, 1, f'(WHEN (= id {number}) (REPORT "here" id))', True)
+        stand.run(1.0)
+    assert [(each.robot, each.text) for each in glance(stand).reports] == [("rover5", "here: 5"), ("rover3", "here: 3")]
+    for _ in range(MAX_LATEST):
+        put(stand.desk, Send, 1, '(REPORT "level" 1)', True)
+        stand.run(1.0)
+    assert [each.text for each in glance(stand).reports] == ["level: 1"] * MAX_LATEST
 
 
 def test_it_can_be_asked_of_any_time() -> None:

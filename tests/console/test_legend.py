@@ -108,8 +108,9 @@ def test_who_has_crashed_has_a_line_and_a_cross_and_its_report(tmp_path: Path, c
         line.click()
         assert until(page, lambda: pixels(page, "--lit"))
         expect(page.locator(".glance")).to_contain_text("2 crashed")
-        page.locator("#map").focus()
-        page.keyboard.press("ArrowLeft")
+        reports = ["0:00:00ahas crashed into b", "0:00:00bhas crashed into a"]
+        expect(page.locator(".glance li")).to_have_text([re.compile("|".join(reports))] * 2)
+        page.locator(".glance li button", has_text="a").click()
         expect(page.locator("#robot-state")).to_have_text("crashed")
         page.locator("#tab-said").click()
         expect(page.locator("#pane-said")).to_contain_text("has crashed into")

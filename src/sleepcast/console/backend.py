@@ -357,14 +357,21 @@ class Backend:
         ]
         values.sort(key=lambda value: _KINDS.index(value.kind))
         rules = [self._show_rule(rule) for rule in mind.rules()]
-        reports = (report for report in reversed(self.station.reports) if report.robot == name)
-        latest = [
-            outgoing.ShownReport(
-                each.heard - self.began, report_in_words(each.body.get("label"), each.body.get("values"))
-            )
-            for each in islice(reports, MAX_REPORTS)  # a report's body is what a robot sent: any of it may be missing
-        ]
+        latest = [report for _, report in self.latest_reports(MAX_REPORTS, name)]
         return outgoing.WatchedRobot(index, groups, states, values, rules, latest)
+
+    def latest_reports(self, most: int, robot: str = "") -> list[tuple[str, outgoing.ShownReport]]:
+        """The latest reports of one robot, "" for all, newest first, each with the name of its robot."""
+        reports = (report for report in reversed(self.station.reports) if robot in ("", report.robot))
+        return [
+            (
+                each.robot,
+                outgoing.ShownReport(
+                    each.heard - self.began, report_in_words(each.body.get("label"), each.body.get("values"))
+                ),
+            )
+            for each in islice(reports, most)  # a report's body is what a robot sent: any of it may be missing
+        ]
 
     def _states(self, mind: MindView) -> list[str]:
         """What the robot is, in words."""

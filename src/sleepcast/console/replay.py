@@ -174,6 +174,10 @@ class ReplayBackend:
         """The picture of the map, None if there is none."""
         return self._timeline.picture
 
+    def latest_reports(self, most: int) -> list[tuple[str, outgoing.ShownReport]]:
+        """A recording tells reports with each robot."""
+        return []
+
     def known_names(self) -> list[ShownName]:
         """The names that an expression may use, with the ranges of their values now."""
         return self.values.known()

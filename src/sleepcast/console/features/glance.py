@@ -9,7 +9,7 @@ import numpy as np
 
 from sleepcast.console.feature import answers, run_again
 from sleepcast.console.incoming import PageMessage, Serial
-from sleepcast.console.outgoing import DeskMessage
+from sleepcast.console.outgoing import DeskMessage, ShownReport
 from sleepcast.console.values import Index, Values, places_of
 from sleepcast.core.angles import quantile
 from sleepcast.core.units import value_in_words
@@ -18,6 +18,16 @@ POSE = ("x", "y", "heading")
 """The map shows these better than any number,"""
 OF_PLACES = ("_x", "_y")
 """and where places are, which robots are told under such names."""
+
+
+MAX_LATEST = 5
+"""Reports that are shown."""
+
+
+class RobotReport(ShownReport, frozen=True):
+    """A report with the name of its robot."""
+
+    robot: str
 
 
 class ShownQuantity(msgspec.Struct, frozen=True):
@@ -30,7 +40,7 @@ class ShownQuantity(msgspec.Struct, frozen=True):
 
 
 class GetGlance(PageMessage, tag="glance"):
-    """What the fleet is like now: quantities over all robots."""
+    """What the fleet is like now: quantities over all robots, and what they reported last."""
 
     serial: Serial
 
@@ -40,13 +50,17 @@ class Glance(DeskMessage):
 
     serial: int
     quantities: list[ShownQuantity]
+    reports: list[RobotReport]
 
 
 class GlanceSource(Protocol):
-    """Whose values are known."""
+    """Whose values and reports are known."""
 
     @property
     def values(self) -> Values: ...
+
+    def latest_reports(self, most: int) -> list[tuple[str, ShownReport]]:
+        """The latest reports, newest first, each with the name of its robot."""
 
 
 @answers(then=run_again)
@@ -55,7 +69,8 @@ def glance(source: GlanceSource, asked: GetGlance) -> Glance:
     values = source.values
     names = [name for name in values.suggested() if name not in POSE and not name.endswith(OF_PLACES)]
     places = places_of(values.names)
-    return Glance(asked.serial, [_over(values, name, places) for name in names])
+    latest = [RobotReport(report.at, report.text, name) for name, report in source.latest_reports(MAX_LATEST)]
+    return Glance(asked.serial, [_over(values, name, places) for name in names], latest)
 
 
 def _over(values: Values, name: str, places: Index) -> ShownQuantity:

@@ -1,6 +1,7 @@
 // The fleet at a glance, in the room of the robot pane while no robot is chosen: what robots sense first, over all of
-// them, and how many stand still, have used up what they drive with, have crashed, or are not heard.
+// them, what they reported last, and how many stand still, have used up what they drive with, have crashed, or are not heard.
 
+import { clock } from "./accounting.js";
 import { make, write } from "./elements.js";
 import { CRASHED, EXHAUSTED, SILENT, STILL } from "./frame.js";
 import { Refusal } from "./wire.js";
@@ -8,15 +9,20 @@ import { Refusal } from "./wire.js";
 const REFRESH = 1000; // ms between two looks
 const HEADS = ["", "Least", "Median", "Greatest"];
 
-export class Glance {
+// It tells ("choose", index) which robot was clicked in its list.
+export class Glance extends EventTarget {
   constructor(root, wire) {
+    super();
     this.root = root;
     this.wire = wire;
     this.body = make("tbody");
     const heads = HEADS.map((text) => make("th", { scope: "col" }, text));
     this.table = make("table", {}, make("thead", {}, make("tr", {}, ...heads)), this.body);
     this.told = make("p", { className: "told" });
-    root.append(this.told, this.table);
+    this.heading = make("h3", { hidden: true }, "Latest reports");
+    this.reports = make("ol");
+    this.known = ""; // what stands in the list
+    root.append(this.told, this.table, this.heading, this.reports);
     this.news = null; // {scene, frame, past} as of the latest frame
     this.time = null; // simulated s of the frame at the last look,
     this.asked = null; // and of the one about which was asked last
@@ -41,7 +47,9 @@ export class Glance {
   async ask() {
     this.asked = this.time;
     try {
-      this.show((await this.wire.ask("glance")).quantities);
+      const { quantities, reports } = await this.wire.ask("glance");
+      this.show(quantities);
+      this.list(reports);
     } catch (refusal) {
       if (!(refusal instanceof Refusal)) throw refusal; // else the next look tells
     }
@@ -61,6 +69,22 @@ export class Glance {
         cell.classList.toggle("none", !shown.length);
       });
     });
+  }
+
+  // reports: {at, text, robot} each, newest first
+  list(reports) {
+    const known = JSON.stringify(reports);
+    if (known === this.known) return;
+    this.known = known;
+    this.heading.hidden = !reports.length;
+    this.reports.replaceChildren(...reports.map(({ at, text, robot }) => {
+      const name = make("button", { type: "button", title: "Choose this robot" }, robot);
+      name.addEventListener("click", () => {
+        const index = this.news.scene.names.indexOf(robot);
+        if (index >= 0) this.dispatchEvent(new CustomEvent("choose", { detail: index })); // it may be gone
+      });
+      return make("li", {}, make("time", {}, clock(at)), name, make("span", {}, text));
+    }));
   }
 
   tell(scene, { flags }) {

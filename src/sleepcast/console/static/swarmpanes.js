@@ -336,6 +336,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
   });
 
   table.addEventListener("choose", ({ detail }) => world.choose(detail));
+  glance.addEventListener("choose", ({ detail }) => world.choose(detail));
   table.addEventListener("pick", ({ detail }) => {
     const marks = new Uint8Array(world.scene.count);
     for (const index of detail) marks[index] = 1;

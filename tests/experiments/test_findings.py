@@ -10,7 +10,7 @@ import pytest
 from sleepcast.experiments.drawing import band
 from sleepcast.experiments.findings import MAX_TIMES, CurveAxes, SweepFindings
 from sleepcast.experiments.plan import Experiment, experiment_of
-from sleepcast.experiments.results import RunResult
+from sleepcast.experiments.results import RunResult, unknown_in
 
 
 def experiment(**changes: object) -> Experiment:
@@ -79,6 +79,22 @@ def test_curves_grow_and_a_repeated_run_takes_the_place_of_the_failed_one() -> N
     assert findings.curves(view).curves[0].marks[0].runs == 3
     findings.finish()
     assert (findings.progress().state, findings.progress().rest) == ("finished", None)
+
+
+def test_a_mean_over_time_that_has_not_begun_is_not_unknown_but_one_that_never_begins_is() -> None:
+    """The page counts as the command does, whatever it keeps of a run."""
+    wanted = experiment(over=[], measures=["a=time_mean 15s mean x", "b=mean x"], seeds=1, every=0.1, seconds=20.0)
+    (run,) = wanted.runs()
+    late = tuple((round(0.1 * step, 9), None if step < 150 else 1.0, 1.0) for step in range(201))
+    for samples, unknown in (
+        (late, 0),
+        (late[:100], 1),
+        ((*late[:150], (15.0, None, 1.0), *late[151:]), 1),
+        ((late[0], (0.1, None, None), *late[2:]), 1),
+    ):
+        outcome = RunResult(run, samples)
+        assert unknown_in(wanted, outcome) == unknown
+        assert SweepFindings(wanted, [outcome]).progress().unknown == unknown
 
 
 def test_time_is_drawn_through_a_bounded_number_of_marks() -> None:

@@ -19,7 +19,7 @@ import numpy as np
 from sleepcast.experiments.angles import angles_of
 from sleepcast.experiments.drawing import Floats, band, numbers
 from sleepcast.experiments.plan import Experiment, ParameterRange, PlannedRun, Value
-from sleepcast.experiments.results import RunResult
+from sleepcast.experiments.results import RunResult, unknown_in
 
 MAX_TIMES = 60
 """Moments of one run that are stored: a curve over time is drawn through so many marks at most."""
@@ -124,12 +124,14 @@ class _FinishedRun(NamedTuple):
     last: its measures at the end; NaN for unknown.
     times: of its samples, s.
     series: what was measured then.
+    unknown: values that no robot could give.
     """
 
     run: PlannedRun
     last: Floats
     times: Floats
     series: Floats
+    unknown: int
     error: str
 
 
@@ -157,7 +159,8 @@ class SweepFindings:
         nothing = (None,) * (1 + len(self.experiment.measures))
         samples = np.array(outcome.samples or (nothing,), np.float64)
         thinned = samples[:: self._stride]
-        finished = _FinishedRun(outcome.run, samples[-1, 1:], thinned[:, 0], thinned[:, 1:], outcome.error)
+        unknown = unknown_in(self.experiment, outcome)
+        finished = _FinishedRun(outcome.run, samples[-1, 1:], thinned[:, 0], thinned[:, 1:], unknown, outcome.error)
         with self._lock:
             index = self._numbers.get(outcome.run.number)
             if index is not None:
@@ -271,7 +274,7 @@ class SweepFindings:
     def _count(self, finished: _FinishedRun, sign: int) -> None:
         self._done += sign
         self._failed += sign * bool(finished.error)
-        self._unknown += 0 if finished.error else sign * int(np.isnan(finished.series).sum())
+        self._unknown += sign * finished.unknown
         if finished.error:
             self._errors[finished.error] += sign
 

@@ -142,7 +142,7 @@ def _time_mean(text: str, *, own: bool) -> Measure:
             f"{TIME_MEAN} 20s mean fuel"
         )
     measure, angle, samples = read_measure(parts[3], own=own), angle_of(parts[3]), list[float]()
-    begin = to_si(float(parts[1]), parts[2]) if parts[2] else 0.0
+    begin = begin_of(text)
 
     def measured(fleet: SimulatedFleet) -> float:
         value = measure(fleet)
@@ -152,6 +152,12 @@ def _time_mean(text: str, *, own: bool) -> Measure:
         return float(mean(np.array(samples))) if samples else nan
 
     return measured
+
+
+def begin_of(text: str) -> float:
+    """From when on a measure has values, s of the run: 0, but for the mean over the samples from a time on."""
+    parts = _AVERAGED.fullmatch(text.strip())
+    return to_si(float(parts[1]), parts[2]) if parts and parts[2] else 0.0
 
 
 def _is_time(unit: str) -> bool:

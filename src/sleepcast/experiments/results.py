@@ -37,6 +37,7 @@ from sleepcast.core.version import VERSION
 from sleepcast.experiments.angles import angles_of
 from sleepcast.experiments.drawing import band
 from sleepcast.experiments.git_state import git_state
+from sleepcast.experiments.measures import begin_of
 from sleepcast.experiments.plan import MAX_ROWS, PLAN, Experiment, Objective, PlannedRun, Value, read_experiment
 from sleepcast.experiments.search import Tried, suggest
 
@@ -294,7 +295,7 @@ class Summary(msgspec.Struct, frozen=True):
     runs: how many are wanted, at most.
     done: how many have finished.
     failed: how many of these failed.
-    unknown: values that no robot could give.
+    unknown: values that no robot could give, see `unknown_in`.
     unsent: in how many runs each command was never sent, since they ended before.
     missed: in how many each count that the mission wanted came otherwise.
     """
@@ -424,13 +425,24 @@ def _check_format(folder: Path, connection: sqlite3.Connection) -> int:
 def summary_of(folder: Path) -> Summary:
     """How far it has come. Raises ResultsError."""
     experiment, done = experiment_in(folder), list(outcomes_in(folder))
-    unknown = sum(value is None for each in done for sample in each.samples for value in sample)
+    unknown = sum(unknown_in(experiment, each) for each in done)
     unsent = Counter(command for each in done for command in dict.fromkeys(each.unsent))
     # of a sentence that also says how it came in one run, only what was wanted
     wanted = ({sentence.rpartition(", but it was ")[0]: None for sentence in each.missed} for each in done)
     missed = Counter(chain.from_iterable(wanted))
     failed = sum(bool(each.error) for each in done)
     return Summary(len(experiment), len(done), failed, unknown, dict(unsent), dict(missed))
+
+
+def unknown_in(experiment: Experiment, outcome: RunResult) -> int:
+    """How many values no robot could give in a run. A mean over the samples from a time on has none before: that counts
+    only if the run ends without one."""
+    if not outcome.samples:
+        return 0
+    samples = np.array(outcome.samples, np.float64)
+    due = samples[:, :1] >= np.array([begin_of(text) for text in experiment.measures.values()]) - 1e-9
+    due[-1] = True
+    return int(np.count_nonzero(due & np.isnan(samples[:, 1:])))
 
 
 def table_of(folder: Path) -> DataTable:

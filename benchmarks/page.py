@@ -345,13 +345,16 @@ def flying(count: int, frames: int) -> Found:
         page.wait_for_function(AGAIN, arg=frames)
         costs = [1000.0 * (now - before) for now, before in ((work(), begun), (processor_of("gpu-process"), drawing))]
         times = page.evaluate("window.__times")
+        pixels = page.evaluate(
+            "(({ width, height }) => `${width} x ${height} pixels`)(document.getElementById('space-solids'))"
+        )
     gaps = [after - before for before, after in pairwise(times)]
     detail = ", ".join(
         f"{number(cost / len(gaps))} ms of the processor {what}"
         for cost, what in zip(costs, ("for the page", "for drawing"), strict=True)
     )
     bar = Bar(f"{count:,} copters in three dimensions", 1000.0 / middle(gaps), FLYING[count], "frames/s")
-    return Found(bar, f"{detail}, a frame")
+    return Found(bar, f"{detail}, a frame; at last {pixels}")
 
 
 @contextmanager

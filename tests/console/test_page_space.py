@@ -318,6 +318,32 @@ def test_forms_and_the_camera_are_right(rovers: Page) -> None:
 
 
 @browser
+def test_where_pictures_take_long_they_are_coarse_while_something_moves(rovers: Page) -> None:
+    found = calculated(
+        rovers,
+        "fineness",
+        """async ({ Fineness }) => {
+          let again;
+          const rest = new Promise((done) => (again = done));
+          const fineness = new Fineness(again);
+          const parts = [];
+          const see = (moves, time) => {
+            for (let picture = 0; picture < 40; picture += 1) fineness.took(time);
+            parts.push(fineness.next(moves));
+          };
+          see(true, 20);
+          see(true, 40);
+          await rest;
+          see(false, 40);
+          see(true, 20);
+          see(true, 10);
+          return parts;
+        }""",
+    )
+    assert found == [1, 0.7, 1, 0.7, 1]
+
+
+@browser
 def test_each_robot_has_the_form_of_its_type(rovers: Page) -> None:
     found = calculated(
         rovers,

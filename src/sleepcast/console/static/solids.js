@@ -30,7 +30,10 @@ export class Solids {
   constructor(three, canvas) {
     this.three = three;
     three.ColorManagement.enabled = false; // colours are the page's, as they are
-    this.renderer = new three.WebGLRenderer({ canvas, context: contextOf(canvas) });
+    const context = contextOf(canvas);
+    this.software = !context.getContextAttributes().antialias;
+    this.renderer = new three.WebGLRenderer({ canvas, context });
+    [this.ratio, this.part] = [1, 1]; // pixels of the screen for one of the page, and how many of these are drawn
     this.renderer.outputColorSpace = three.LinearSRGBColorSpace;
     this.scene = new three.Scene();
     this.camera = new three.PerspectiveCamera();
@@ -45,7 +48,8 @@ export class Solids {
   }
 
   resize(width, height, ratio) {
-    this.renderer.setPixelRatio(ratio);
+    this.ratio = ratio;
+    this.renderer.setPixelRatio(this.part * ratio);
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
   }
@@ -159,9 +163,11 @@ export class Solids {
     return Object.assign(new LineSegments(made, this.lines), { room });
   }
 
-  // Draw all, as an orbit sees it.
-  render(orbit) {
+  // Draw all, as an orbit sees it. part: of the pixels of each side.
+  render(orbit, part) {
     const { camera } = this;
+    if (part !== this.part) this.renderer.setPixelRatio(part * this.ratio);
+    this.part = part;
     camera.fov = (orbit.field * 180) / Math.PI;
     camera.near = orbit.distance / 200;
     camera.far = orbit.distance + 40 * orbit.whole;

@@ -5,6 +5,7 @@
 // its `frame`, and its `view` takes them as they are.
 
 import { make } from "./elements.js";
+import { Fineness } from "./fineness.js";
 import { gestures } from "./gestures.js";
 import { drawGround, drawPlaces } from "./ground.js";
 import { keep, kept } from "./kept.js";
@@ -50,6 +51,7 @@ export class Space {
     this.fitted = null; // the rectangle of the world that is fitted, null once somebody has moved the view
     this.mapped = ""; // what the map has fitted last
     this.drawn = {}; // what the meshes were made of
+    this.fineness = new Fineness(() => this.repaint());
     button.addEventListener("click", () => this.open(root.hidden));
     new ResizeObserver(() => this.resize()).observe(this.map);
     world.addEventListener("moved", () => this.follow());
@@ -157,8 +159,17 @@ export class Space {
     const forms = (world.scene.forms ?? []).map((form, at) => [world.scene.sizes[at][0], form]);
     const looks = { sizes: (i) => this.radius(i), colours: this.inks(), looks: this.codes(), seen: this.seen };
     solids.setBodies({ count, poses, heights, forms, ground: (x, y) => this.ground(x, y), ...looks });
-    solids.render(orbit);
+    solids.render(orbit, solids.software ? this.fineness.next(this.moves) : 1);
     this.drawOver();
+  }
+
+  // Whether robots or the eye have moved since this was asked last.
+  get moves() {
+    const { drawn, orbit, world } = this;
+    const eye = [...orbit.eye, ...orbit.target].join();
+    const still = drawn.poses === world.frame.poses && drawn.eye === eye;
+    Object.assign(drawn, { poses: world.frame.poses, eye });
+    return !still;
   }
 
   // Find out where robots are on the screen.

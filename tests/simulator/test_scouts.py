@@ -160,19 +160,26 @@ class TestSlip:
         assert abs(float(ahead.mean())) < 0.05
 
 
+CHANGES = [
+    ("2m/s2", "2m/s2"),
+    ("2m/s2", "0.5m/s2"),
+    ("180deg/s", "40deg/s"),
+    ('tick = "0.1s"', 'tick = "0.01s"'),
+    ('tick = "0.1s"', 'tick = "0.5s"'),
+]
+SPEEDS = [(0.0, 0.0), (1.0, 1.0), (-0.6, -0.6), (0.0, 1.0), (1.0, 0.0)]
+"""Before the tumble, and wanted in it."""
+
+
 @pytest.mark.parametrize("machine", MACHINES)
 @pytest.mark.parametrize(
-    "change",
+    ("change", "speed", "wanted"),
     [
-        ("2m/s2", "2m/s2"),
-        ("2m/s2", "0.5m/s2"),
-        ("180deg/s", "40deg/s"),
-        ('tick = "0.1s"', 'tick = "0.01s"'),
-        ('tick = "0.1s"', 'tick = "0.5s"'),
+        pytest.param(change, *speeds, marks=() if i == j else pytest.mark.nightly, id=f"{change[1]}-{speeds}")
+        for i, change in enumerate(CHANGES)
+        for j, speeds in enumerate(SPEEDS)
     ],
-    ids=lambda change: change[1],
 )
-@pytest.mark.parametrize(("speed", "wanted"), [(0.0, 0.0), (1.0, 1.0), (-0.6, -0.6), (0.0, 1.0), (1.0, 0.0)])
 def test_a_tumble_turns_wheels_by_67_degrees(
     tmp_path: Path, machine: Machine, change: tuple[str, str], speed: float, wanted: float
 ) -> None:

@@ -23,7 +23,7 @@ from sleepcast.simulator.motion import steps
 from sleepcast.simulator.motion.driving import Laws
 from sleepcast.simulator.motion.flying import FlightColumns, Power, TypeLaws
 from sleepcast.simulator.motion.steps import BodyColumns, Displacement, Draws, Settled
-from sleepcast.simulator.neighbours.neighbourhood import Formula, Vicinity
+from sleepcast.simulator.neighbours.neighbourhood import Formula, Neighbourhood, Vicinity
 from sleepcast.simulator.scenario.scanners import LaserModel
 from sleepcast.simulator.sonar import cones, noise
 from sleepcast.simulator.sonar.cones import Ranges, Seen, VisibleScene
@@ -82,8 +82,10 @@ class Machine(Protocol):
         """How many neighbours each of these robots senses, as for `neighbours`, and all of them, in no order: the
         number of the robot in the upper half of 64 bits, and below it that of the neighbour."""
 
-    def shown(self, near: int, quantity: int, row: int, robots: Whole, others: Floats, reach: float, /) -> Floats:
-        """A quantity of one other robot for each robot: see `kernels_neighbours.show_many`."""
+    def shown(
+        self, near: Neighbourhood, quantity: int, row: int, robots: Whole, others: Floats, reach: float, /
+    ) -> Floats:
+        """A quantity of one other robot for each robot: see `kernels_shown.show_many`."""
 
     def hidden(self, lines: SightLines, x: Floats, y: Floats, to_x: Floats, to_y: Floats, /) -> Flags: ...
 
@@ -163,7 +165,9 @@ class NumPyMachine:
     def near_lists(self, vicinity: Vicinity, robots: Whole, radius: Floats, colour: Floats) -> tuple[Whole, Whole]:
         raise NotImplementedError(FROM_PAIRS)
 
-    def shown(self, near: int, quantity: int, row: int, robots: Whole, others: Floats, reach: float) -> Floats:
+    def shown(
+        self, near: Neighbourhood, quantity: int, row: int, robots: Whole, others: Floats, reach: float
+    ) -> Floats:
         raise NotImplementedError(FROM_PAIRS)
 
     def fly(self, bodies: FlightColumns, laws: TypeLaws, power: Power, which: slice) -> None:

@@ -23,7 +23,7 @@ from sleepcast.simulator.laser.beams import ROUGH, SLACK, BeamScene, far_of
 from sleepcast.simulator.motion.driving import Laws
 from sleepcast.simulator.motion.flying import FlightColumns, Power, TypeLaws
 from sleepcast.simulator.motion.steps import SKIN, BodyColumns, Displacement, Draws, Settled, boxes_of, clear
-from sleepcast.simulator.neighbours.neighbourhood import Formula, Vicinity
+from sleepcast.simulator.neighbours.neighbourhood import Formula, Neighbourhood, Vicinity
 from sleepcast.simulator.scenario.scanners import LaserModel
 from sleepcast.simulator.simd.cached import CachedKernels
 from sleepcast.simulator.simd.formulas import LANES, sine_cosine
@@ -42,6 +42,7 @@ kernels, kernels_motion = CachedKernels("sonar.kernels"), CachedKernels("motion.
 kernels_flying = CachedKernels("motion.kernels_flying")
 kernels_firing, kernels_sonar = CachedKernels("sonar.kernels_firing"), CachedKernels("sonar.kernels_sonar")
 kernels_neighbours = CachedKernels("neighbours.kernels_neighbours")
+kernels_shown = CachedKernels("neighbours.kernels_shown")
 kernels_sight = CachedKernels("world.kernels_sight")
 kernels_beams = CachedKernels("laser.kernels_beams")
 wait = CachedKernels("simd.kernels_wait").wait
@@ -67,6 +68,8 @@ AGAIN = 1.1
 """Margin for the radius of the next contact search, relative to this one: the fastest body may have become faster."""
 BEAMS = 5_000
 """Beams up to which one thread is faster than several."""
+USUALLY_NEAR = 16
+"""Neighbours of each robot for which there is room when they are listed; in a crowd they are listed again."""
 FOLDED = 16
 """Number of sonars in a ring whose bearings the kernel can fold."""
 
@@ -183,14 +186,21 @@ class NumbaMachine:
     def near_lists(self, vicinity: Vicinity, robots: Whole, radius: Floats, colour: Floats) -> tuple[Whole, Whole]:
         counts = np.empty(len(robots), np.int64)
         kernels_neighbours.prepare_one(vicinity.address)
-        kernels_neighbours.count_many(vicinity.address, robots, radius, colour, counts)
-        listed = np.empty(int(counts.sum()), np.int64)
-        kernels_neighbours.list_many(vicinity.address, robots, radius, colour, counts, listed.ctypes.data)
-        return counts, listed
+        list_many = kernels_neighbours.list_many_in_ball if vicinity.ball else kernels_neighbours.list_many
+        room = USUALLY_NEAR * len(robots)
+        while True:
+            listed = np.empty(room + vicinity.points, np.int64)
+            total = list_many(vicinity.address, robots, radius, colour, counts, listed.ctypes.data, room)
+            if total >= 0:
+                return counts, listed[:total]
+            room *= 4
 
-    def shown(self, near: int, quantity: int, row: int, robots: Whole, others: Floats, reach: float) -> Floats:
+    def shown(
+        self, near: Neighbourhood, quantity: int, row: int, robots: Whole, others: Floats, reach: float
+    ) -> Floats:
         found = np.empty(len(robots))
-        kernels_neighbours.show_many(near, quantity, row, robots, others, reach, found)
+        show_many = kernels_shown.show_many_in_ball if near.flies else kernels_shown.show_many
+        show_many(near.address, quantity, row, robots, others, reach, found)
         return found
 
     def hidden(self, lines: SightLines, x: Floats, y: Floats, to_x: Floats, to_y: Floats) -> Flags:

@@ -216,13 +216,14 @@ def test_a_neighbour_tells_its_pitch() -> None:
 
 
 @pytest.mark.skipif(not has_numba(), reason="needs numba, the extra `fast`")
+@pytest.mark.parametrize("delay", ["", 'delay = "0.1s"\n'])
 @pytest.mark.parametrize("edge", ["", 'edge = "torus"'])
 @given(chance=st.integers(0, 2**32 - 1), field=st.sampled_from([30, 180, 270, 359]))
 @settings(max_examples=5, deadline=None)
-def test_random_schools_sense_the_same_with_and_without_kernels(edge: str, chance: int, field: int) -> None:
+def test_random_schools_sense_the_same_with_and_without_kernels(edge: str, delay: str, chance: int, field: int) -> None:
     text = SPACE.replace(SPACE[SPACE.index("starts") : SPACE.index("\n[neighbours]")], "count = 60\n")
     text = text.replace('height = "100m"\n', f'height = "100m"\n{edge}\n')
-    scenario = read_scenario(text + f'field = "{field}deg"\nall_round = "1m"\nloss = 0.1\nnoise = 0.05\n')
+    scenario = read_scenario(text + f'field = "{field}deg"\nall_round = "1m"\nloss = 0.1\nnoise = 0.05\n{delay}')
     drawn, results = np.random.default_rng(chance), []
     places, ways = np.rint(drawn.uniform(0.0, 25.0, (3, 60)) * 2.0) / 2.0, drawn.uniform(-1.5, 1.5, (2, 60))
     for machine, threads in (("numpy", 1), ("numba", 1), ("numba", 2)):
@@ -232,12 +233,19 @@ def test_random_schools_sense_the_same_with_and_without_kernels(edge: str, chanc
         bodies.x[:], bodies.y[:], flight.z[:], bodies.heading[:], flight.pitch[:] = *places, *ways
         bodies.moved()
         near.step()
+        if delay:
+            flight.z[:], flight.pitch[:] = places[0], ways[0]
+            bodies.moved()
+            near.step()
         functions = {each.name: each.many for each in simulator.model.functions}
         for name in ("COUNT", "MEAN_X", "MEAN_Z", "MEAN_HEADING", "NEAREST_DIST", "OUTLIER_X"):
             many = functions[name]
             assert many
             results.append(many(simulator.robots, np.arange(60), np.full(60, 12.0)))
-    by_numpy, *others = np.array(results).reshape(3, -1)
+        results += [each.astype(float) for each in near.neighbours(np.arange(60), 60, np.full(60, 12.0))]
+        asked, named = np.repeat(np.arange(60), 60), np.tile(np.arange(60.0), 60)
+        results += [near.shown(shown, asked, named) for shown in ("x", "z", "pitch", "heading", "distance")]
+    by_numpy, *others = np.concatenate(results).reshape(3, -1)
     assert all(np.array_equal(each, by_numpy, equal_nan=True) for each in others)
 
 

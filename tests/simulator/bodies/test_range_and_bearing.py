@@ -16,6 +16,7 @@ from sleepcast.core.model import NativeCall
 from sleepcast.core.settings import SettingsError
 from sleepcast.simulator import Simulator, load, read_scenario
 from sleepcast.simulator.bodies import range_and_bearing
+from sleepcast.simulator.bodies.range_and_bearing import RangeAndBearing
 from sleepcast.simulator.engine import choose
 from sleepcast.simulator.snapshot import resume, state_of
 from small_worlds import SCOUTS, simulator, write
@@ -288,6 +289,21 @@ ERRORS = {
 }
 SHARED = '[neighbours.shares]\nopinion = ""\nway = "deg"\n'
 REDUCED = tuple(f"{how}_{what}" for what in ("OPINION", "WAY") for how in ("MEAN", "SUM", "LEAST", "MOST", "NEAREST"))
+SHOWN = ("x", "y", "heading", "distance", "bearing", "colour", "opinion", "way")
+
+
+def one_by_one(
+    near: RangeAndBearing, robots: np.ndarray, radii: np.ndarray, fields: tuple[str, ...]
+) -> list[np.ndarray]:
+    """Who is near these robots, at most 20 and at most 3 of each; and what each of them senses of all others, of
+    itself, and of robots that are not there."""
+    found = []
+    for most in (20, 3):
+        first, others = near.neighbours(robots, most, radii)
+        found += [first.astype(float), others.astype(float)]
+    asked = np.repeat(robots, 64)
+    named = np.tile([*np.arange(-1.0, 61.0), 0.5, np.nan], robots.size)
+    return [*found, *(near.shown(field, asked, named) for field in fields)]
 
 
 @pytest.mark.parametrize("errors", ERRORS)
@@ -305,6 +321,7 @@ def test_random_worlds_are_the_same_with_and_without_pairs(
     places, headings = np.rint(drawn.uniform(-12.0, 12.0, (2, 60)) * 4.0) / 4.0, drawn.uniform(-pi, pi, 60)
     colours, opinions = drawn.integers(0, 3, 60).astype(float), drawn.choice([-0.0, 0.0, 1.5, np.nan], 60)
     ways, radii, some = drawn.uniform(-9.0, 9.0, 60), drawn.choice([radius, 3.0], 60), drawn.permutation(60)[:40]
+    few = np.sort(some[:9])
     moves = np.rint(drawn.uniform(-3.0, 3.0, (2, 60)))
     for machine, threads in (("numpy", 1), ("numba", 1), ("numba", 2)):
         sim = Simulator(scenario, machine=choose(machine, threads))
@@ -325,7 +342,8 @@ def test_random_worlds_are_the_same_with_and_without_pairs(
             assert many
             results.append(many(sim.robots, some, radii[some]))
             results.append(many(sim.robots, some, np.full(40, radius), colours[some[::-1]]))
-    found = np.array(results).reshape(3, -1)
+        results += one_by_one(near, few, radii[few], SHOWN)
+    found = np.concatenate(results).reshape(3, -1)
     found[np.isnan(found)] = np.nan  # whatever sign it has
     by_numpy, *others = found
     assert all(each.tobytes() == by_numpy.tobytes() for each in others)
@@ -385,6 +403,7 @@ def test_random_skies_are_the_same_with_and_without_pairs(sky: str, errors: str,
     places, headings = np.rint(drawn.uniform(0.0, 29.0, (3, 60)) * 2.0) / 2.0, drawn.uniform(-pi, pi, 60)
     colours, opinions = drawn.integers(0, 3, 60).astype(float), drawn.choice([-0.0, 0.0, 1.5, np.nan], 60)
     radii, some = drawn.choice([radius, 3.0], 60), drawn.permutation(60)[:50]
+    few = np.sort(some[:9])
     moves = np.rint(drawn.uniform(0.0, 1.0, (3, 60)))
     for machine, threads in (("numpy", 1), ("numba", 1), ("numba", 2)):
         sim = Simulator(scenario, machine=choose(machine, threads))
@@ -418,7 +437,11 @@ def test_random_skies_are_the_same_with_and_without_pairs(sky: str, errors: str,
                 ctypes.CFUNCTYPE(None, ctypes.c_void_p)(call.prepare)(call.senses)
                 expected = many(sim.robots, np.arange(20), np.full(20, radius))
                 assert np.array_equal(told(call, radius), expected, equal_nan=True)
-    found = np.array(results).reshape(3, -1)
+        results += one_by_one(near, few, radii[few], (*SHOWN, "z"))
+        assert (near._named is None) == (machine == "numba" and sky != "low walls"), (
+            "kernels are asked where they may be"
+        )
+    found = np.concatenate(results).reshape(3, -1)
     found[np.isnan(found)] = np.nan  # whatever sign it has
     by_numpy, *others = found
     assert all(each.tobytes() == by_numpy.tobytes() for each in others)

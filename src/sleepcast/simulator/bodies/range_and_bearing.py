@@ -54,6 +54,7 @@ from sleepcast.simulator.neighbours.neighbourhood import (
     NEAREST,
     ONE,
     OUTLIER,
+    PITCH,
     TOTAL,
     UP,
     VALUE,
@@ -64,7 +65,7 @@ from sleepcast.simulator.neighbours.neighbourhood import (
     question,
 )
 from sleepcast.simulator.neighbours.pairs import NeighbourQuery, Pairs, in_order, length
-from sleepcast.simulator.scenario.flight import PITCH
+from sleepcast.simulator.scenario import flight
 from sleepcast.simulator.scenario.signals import NeighbourModel
 from sleepcast.simulator.simd.addresses import addresses
 from sleepcast.simulator.simd.formulas import arc_tangent, rotated, shortest, sine_cosine, wrap
@@ -87,8 +88,6 @@ class RangeAndBearing:
         self._compiles = bodies.machine.compiles and bodies.population is None
         """Whether compiled code may be asked for formulas, which takes rows for numbers, each for a robot that is
         there."""
-        self._lists = self._compiles and not flies
-        """Whether it may be asked who the neighbours are, which is the plane's only."""
         self._first_group = 1 + len(model.shares)
         self._shared: Floats = np.full((self._first_group + len(model.shows_groups), bodies.count), np.nan)
         """What robots show in this tick: colours, shared numbers, NaN where a robot shares none, and who is in the
@@ -101,7 +100,7 @@ class RangeAndBearing:
         pitch = None if bodies.flight is None else bodies.flight.pitch
         self._field_of_view = FieldOfView(model, bodies.heading, pitch)
         pose = bodies.x, bodies.y, bodies.heading, *bodies.sensed[:3]
-        tables = (*pose, seen.shared, self._set, heights, seen.poses, pitch)
+        tables = (*pose, seen.shared, self._set, heights, seen.poses, pitch, seen.pitch)
         sight = bodies.sight.walls if self._hides else SightLines((bodies.scenario.width, bodies.scenario.height))
         self._near = Neighbourhood(bodies.scenario, model, bodies.seed, BodyTables(*tables), sight)
         self._across = bodies.scenario.width + bodies.scenario.height
@@ -193,20 +192,21 @@ class RangeAndBearing:
         """What is `asked`, for each of `robots`, from its neighbours within `radius` (m) and reach. colour: of the
         neighbours that count, one for each robot; none: all count."""
         query = self._query(robots, radius, *colour)
-        if isinstance(asked, Formula) and self._compiles and self._near.covered:
+        if isinstance(asked, Formula) and self._asks_kernels:
             return self._compiled(asked, query)
         over = partial(_fold, asked) if isinstance(asked, Formula) else asked
         results = [over(self, each) for each in self._pairs(query)]
         return np.concatenate(results) if len(results) != 1 else results[0]
 
     def neighbours(self, robots: Whole, most: int, radius: Floats, *colour: Floats) -> tuple[Whole, Whole]:
-        """Who is near each of `robots`, within `radius` (m) and reach, by their numbers: see `Pairs.listed`."""
+        """Who is near each of `robots`, ascending, within `radius` (m) and reach, by their numbers: see
+        `Pairs.listed`."""
         query = self._query(robots, radius, *colour)
         for before, limit, listed in self._listed:
             if limit == most and before.same(query):
                 return listed
         lists = []
-        if self._lists:
+        if self._asks_kernels:
             vicinity = self._near.vicinity(_reach_of(query.radius), self._bodies.tick, turning=False)
             counts, keys = self._bodies.machine.near_lists(vicinity, *query)
             if counts.max(initial=0) <= most:
@@ -232,19 +232,24 @@ class RangeAndBearing:
         bodies.sense(np.flatnonzero(asking), sonars=False)
         shown = [*self._model.shares, *self._model.shows_groups]
         row = shown.index(field) + 1 if field in shown else COLOUR
-        if self._lists:
-            self.keep_up()
-            near, quantity = self._near.begin(bodies.tick), _QUANTITIES.get(field, VALUE)
-            return bodies.machine.shown(near, quantity, row, robots, others, self._reach)
+        quantity = VALUE if field in shown else _QUANTITIES[field]
+        self.keep_up()
+        if self._asks_kernels:
+            self._near.begin(bodies.tick)
+            return bodies.machine.shown(self._near, quantity, row, robots, others, self._reach)
         index, pairs = self._pairs_named(robots, others)
         found = np.full(robots.size, np.nan)
-        found[index[pairs.robot]] = self._field(field, row, pairs)
+        found[index[pairs.robot]] = self._field(quantity, row, pairs)
         return found
+
+    @property
+    def _asks_kernels(self) -> bool:
+        """Whether compiled code may be asked at present."""
+        return self._compiles and self._near.covered
 
     def _pairs_named(self, robots: Whole, others: Floats) -> tuple[Whole, Pairs]:
         """Which of `robots` name another robot that may be there, and the pairs of these that are sensed. The last are
         stored, since a rule asks for several fields of one neighbour."""
-        self.keep_up()
         if self._named is not None:
             *before, found = self._named
             if np.array_equal(before[0], robots) and np.array_equal(before[1], others, equal_nan=True):
@@ -263,25 +268,24 @@ class RangeAndBearing:
         self._named = robots.copy(), others.copy(), found
         return found
 
-    def _field(self, field: str, row: int, pairs: Pairs) -> Floats:
-        """A field of each neighbour, one for each pair. row: where it lies, if it is shared."""
+    def _field(self, quantity: int, row: int, pairs: Pairs) -> Floats:
+        """A quantity of each neighbour, one for each pair. row: where it lies, if it is shared."""
         asked = pairs.asked[pairs.robot]
-        if field in ("x", "y"):
-            place: Floats = self._bodies.sensed[("x", "y").index(field), asked] + (
-                pairs.dx if field == "x" else pairs.dy
-            )
+        if quantity in (DX, DY):
+            way = pairs.dx if quantity == DX else pairs.dy
+            place: Floats = self._bodies.sensed[(DX, DY).index(quantity), asked] + way
             return place
-        if field == "z" and pairs.dz is not None:
+        if quantity == DZ and pairs.dz is not None:
             return self.own_z(pairs.asked)[pairs.robot] + pairs.dz
-        if field == PITCH and self._seen.pitch is not None:
+        if quantity == PITCH and self._seen.pitch is not None:
             pitch: Floats = self._seen.pitch[pairs.other]
             return pitch
-        if field == "distance":
+        if quantity == AWAY:
             return pairs.away
-        if field == "heading":
+        if quantity == HEADING:
             cosine, sine = self.headings(pairs)
             return arc_tangent(sine, cosine)
-        if field == "bearing":
+        if quantity == BEARING:
             beside = (pairs.dx == 0.0) & (pairs.dy == 0.0)
             return np.where(beside, np.nan, arc_tangent(pairs.dy, pairs.dx))
         return self.seen(row, pairs.other)
@@ -466,8 +470,9 @@ def _reach_of(radius: Floats) -> float:
 DIRECTIONS = ("MEAN_HEADING", "GAP_BEARING")
 """Functions whose values are directions."""
 
-_QUANTITIES = {"x": DX, "y": DY, "heading": HEADING, "distance": AWAY, "bearing": BEARING}
-"""Of fields that are not shared."""
+_QUANTITIES = {"x": DX, "y": DY, "z": DZ, "heading": HEADING, "distance": AWAY, "bearing": BEARING}
+_QUANTITIES |= {flight.PITCH: PITCH, "colour": VALUE}
+"""Of fields that are not shared numbers."""
 
 OverPairs = Callable[[RangeAndBearing, Pairs], Floats]
 """A number for each robot that asked, from what it senses of its neighbours."""

@@ -18,7 +18,6 @@ from sleepcast.simulator.neighbours import kernels_field, neighbourhood
 from sleepcast.simulator.neighbours.neighbourhood import (
     ANGLE,
     AWAY,
-    BEARING,
     DIRECTION,
     DX,
     DY,
@@ -38,7 +37,7 @@ from sleepcast.simulator.neighbours.neighbourhood import (
     VALUE,
 )
 from sleepcast.simulator.simd.compiled import part, strict, woven
-from sleepcast.simulator.simd.formulas import LANES, arc_tangent, shortest, sine_cosine, square_within, wrap
+from sleepcast.simulator.simd.formulas import LANES, arc_tangent, sine_cosine, square_within, wrap
 from sleepcast.simulator.simd.lanes import (
     long_at,
     pack_at,
@@ -96,9 +95,7 @@ SEEN = kernels_sight.SEEN
     OWN_Y,
     OWN_HEADING,
     OWN_Z,
-    _,
-    _,
-    _,
+    *_,
     VICINITIES,
     FIRST,
 ) = map(int, neighbourhood.Near)
@@ -282,84 +279,33 @@ def ask_each(vicinity, ball, quantity, fold, frame, row, robots, radius, colour,
 
 
 @strict
-def count_many(vicinity, robots, radius, colour, counts):
-    """Write the number of neighbours of each of the robots into `counts`; as `ask_many`."""
+def list_many(vicinity, robots, radius, colour, counts, listed, room):
+    """Write the number of neighbours of each of the robots into `counts`, and all of these neighbours to the address
+    `listed`, each as a number of 64 bits: below the robot's, in the upper half, that of the neighbour; as `ask_many`.
+    Gives how many they are, or -1 as soon as there are more than `room`; a robot's are written before that is seen."""
+    return list_each(vicinity, None, robots, radius, colour, counts, listed, room)
+
+
+@strict
+def list_many_in_ball(vicinity, robots, radius, colour, counts, listed, room):
+    """As `list_many`, where something flies."""
+    return list_each(vicinity, True, robots, radius, colour, counts, listed, room)
+
+
+@woven
+def list_each(vicinity, ball, robots, radius, colour, counts, listed, room):
+    """See `list_many`."""
+    total = 0
     for i in range(len(robots)):
         within = square_within(radius[i])
-        _, _, count, _ = gather(vicinity, None, ONE, TOTAL, 0, robots[i], within, colour[i], 0.0, 0.0, 0)
+        _, _, count, _ = gather(
+            vicinity, ball, DX, LISTED, 0, robots[i], within, colour[i], 0.0, 0.0, listed + 8 * total
+        )
         counts[i] = np.int64(count)
-
-
-@strict
-def list_many(vicinity, robots, radius, colour, counts, listed):
-    """Write the same neighbours to the address `listed`, each as a number of 64 bits: below the robot's, in the upper
-    half, that of the neighbour."""
-    for i in range(len(robots)):
-        within = square_within(radius[i])
-        gather(vicinity, None, DX, LISTED, 0, robots[i], within, colour[i], 0.0, 0.0, listed)
-        listed += 8 * counts[i]
-
-
-@strict
-def show_many(near, quantity, row, robots, others, reach, found):
-    """Write what each robot senses of another one into `found`, NaN where it does not sense it: its sensed x for DX and
-    its y for DY; as `gather`. others: numbers, perhaps of no robot. reach: m."""
-    x, y, headings = long_at(near, PLACE_X), long_at(near, PLACE_Y), long_at(near, TRUE_HEADING)
-    asking_x, asking_y, own_headings = long_at(near, OWN_X), long_at(near, OWN_Y), long_at(near, OWN_HEADING)
-    count, loss, noise = long_at(near, COUNT), real_at(near, LOSS), real_at(near, NOISE)
-    width, height = real_at(near, WIDTH), real_at(near, HEIGHT)
-    turned, sensed_headings = long_at(near, TURNED), long_at(near, SENSED_HEADING)
-    for i in range(len(robots)):
-        found[i] = nan
-        robot, number = robots[i], others[i]
-        if not (number >= 0.0 and number < count):
-            continue
-        other = np.int64(number)
-        if float(other) != number or other == robot:
-            continue
-        own_x, own_y = real_at(asking_x, robot), real_at(asking_y, robot)
-        seen_x, seen_y = real_at(x, other), real_at(y, other)
-        dx, dy = shortest(seen_x - own_x, width), shortest(seen_y - own_y, height)
-        away = sqrt(dx * dx + dy * dy)
-        if away > reach:
-            continue
-        if kernels_field.is_narrow(near):
-            ahead, aside, _ = kernels_field.direction_of(near, robot)
-            if not kernels_field.is_in_field(near, dx * ahead + dy * aside, away):
-                continue
-        if long_at(long_at(near, SIGHT), kernels_sight.COUNT) > 0:
-            seen_x, seen_y = unrolled(own_x, seen_x, width), unrolled(own_y, seen_y, height)
-            if kernels_sight.hidden(long_at(near, SIGHT), own_x, own_y, seen_x, seen_y):
-                continue
-        if loss > 0.0 or noise > 0.0:
-            multiple = ((U(other) << U(32)) + U(robot)) * GOLDEN
-            if loss > 0.0 and float(mixed(multiple, U(long_at(near, LOST_KEY))) >> U(11)) * 2.0**-53 < loss:
-                continue
-            if noise > 0.0:
-                wide = noise * away
-                dx = dx + wide * deviate(mixed(multiple, U(long_at(near, ACROSS_KEY))))
-                dy = dy + wide * deviate(mixed(multiple, U(long_at(near, UP_KEY))))
-                away = sqrt(dx * dx + dy * dy)
-        sine, cosine = 0.0, 1.0
-        if turned:
-            sine, cosine = sine_cosine(wrap(real_at(sensed_headings, robot) - real_at(own_headings, robot)))
-            dx, dy = dx * cosine - dy * sine, dx * sine + dy * cosine
-        if quantity == DX:
-            found[i] = real_at(long_at(near, SENSED_X), robot) + dx
-        elif quantity == DY:
-            found[i] = real_at(long_at(near, SENSED_Y), robot) + dy
-        elif quantity == AWAY:
-            found[i] = away
-        elif quantity == HEADING:
-            across, along = sine_cosine(real_at(headings, other))
-            if turned:
-                along, across = along * cosine - across * sine, along * sine + across * cosine
-            found[i] = arc_tangent(across, along)
-        elif quantity == BEARING:
-            if dx != 0.0 or dy != 0.0:
-                found[i] = arc_tangent(dy, dx)
-        else:
-            found[i] = real_at(long_at(near, SHARED), row * count + other)
+        total += counts[i]
+        if total > room:
+            return -1
+    return total
 
 
 @strict

@@ -23,7 +23,7 @@ from sleepcast.simulator.world.sight import SightLines, SolidsByCell
 from sleepcast.simulator.world.torus import PLAIN, Cells, cells_over
 
 # What a neighbour is asked for.
-ONE, DX, DY, AWAY, HEADING, VALUE, ANGLE, BEARING, DZ = range(9)
+ONE, DX, DY, AWAY, HEADING, VALUE, ANGLE, BEARING, DZ, PITCH = range(10)
 # How the answers of all neighbours become one number; or who they are.
 TOTAL, MEAN, LEAST, MOST, NEAREST, DIRECTION, OUTLIER, LISTED = range(8)
 # Whose own place is added to it: none's, or the x, y or z of the robot that asks.
@@ -100,9 +100,11 @@ class Near(IntEnum):
     """With a point, as the next one: the cosine of the angle to the edge of what is seen, -2 for all sides."""
     ALL_ROUND = 32
     """m, within which all sides are sensed."""
-    VICINITIES = 33
+    SEEN_PITCH = 33
+    """The same as neighbours see it."""
+    VICINITIES = 34
     """Vicinities to be kept up to date; their addresses follow from FIRST on."""
-    FIRST = 34
+    FIRST = 35
 
 
 class Of(IntEnum):
@@ -154,6 +156,7 @@ class BodyTables(NamedTuple):
     heights: true and sensed z, m; None where nothing flies
     seen: x, y and heading, and z where something flies, as neighbours see them, if they do not see the true ones
     pitch: how far the true direction points up, rad; None where all look level
+    seen_pitch: the same as neighbours see it
     """
 
     x: Floats
@@ -167,6 +170,7 @@ class BodyTables(NamedTuple):
     heights: tuple[Floats, Floats] | None = None
     seen: tuple[Floats, ...] | None = None
     pitch: Floats | None = None
+    seen_pitch: Floats | None = None
 
     @property
     def own(self) -> tuple[Floats, ...]:
@@ -181,9 +185,10 @@ class Vicinity:
     def __init__(self, near: Neighbourhood, count: int, cells: Cells, reach: float) -> None:
         grid, torus = cells.grid, cells.around != PLAIN
         doubling = 2.0 * reach <= min(cells.around)  # then each axis has an image of a body at most
-        points = count * (1 if not torus else 4 if doubling else 9)
-        self._places = np.empty((4 + near.flies, points + LANES))  # kernels read LANES at once
-        self._indices = np.empty((4, points + LANES), np.int32)
+        self.points = count * (1 if not torus else 4 if doubling else 9)
+        """Bodies and their images, at most."""
+        self._places = np.empty((4 + near.flies, self.points + LANES))  # kernels read LANES at once
+        self._indices = np.empty((4, self.points + LANES), np.int32)
         self._start = np.empty(grid.cells + 2, np.int32)
         self.table = np.zeros(len(Of), np.int64)
         table, reals = self.table, self.table.view(np.float64)
@@ -246,9 +251,9 @@ class Neighbourhood:
         self.table[Near.COUNT], self.table[Near.SHARES] = count, tables.shared.size
         self.table[Near.TURNED], self.table[Near.TORUS] = self.turned, scenario.around != PLAIN
         self.table[Near.SIGHT] = sight.address
-        self._pitch = tables.pitch
-        if tables.pitch is not None:
-            self.table[Near.PITCH] = tables.pitch.ctypes.data
+        self._pitches = {Near.PITCH: tables.pitch, Near.SEEN_PITCH: tables.seen_pitch}
+        for word, pitch in self._pitches.items():
+            self.table[word] = 0 if pitch is None else pitch.ctypes.data
         reals = self.table.view(np.float64)
         reals[Near.WIDTH], reals[Near.HEIGHT] = scenario.around
         reals[Near.LOSS], reals[Near.NOISE] = model.loss, model.noise

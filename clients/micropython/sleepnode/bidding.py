@@ -203,6 +203,8 @@ def _say(node, bid, now):
     phase = bid[_PHASE]
     if now < bid[_NEXT] or (phase == _BIDDING and bid[_BEATEN]):
         return
+    if any([each[1] == _REQUEST for each in node.out]):
+        return  # it waits to be signed: with more beats behind it, it would be too old to be named
     bid[_FAREWELLS] -= phase == _OUT
     if phase == _BIDDING:
         pause = _SOON if now < bid[_HEARD] + _QUIET else _SELDOM

@@ -199,6 +199,15 @@ def test_twenty_robots_of_real_ros_on_a_lossy_network(channel: str) -> None:
             told: dict[str, Any] = json.loads(out)
             return told
 
+        def all_obey(*arguments: str) -> None:
+            """Say it, again with more time for answers where some robots have not answered in time."""
+            within, end, heard = 0.5, time.monotonic() + LONGEST, 0
+            while heard < len(fleet):
+                assert time.monotonic() < end, heard
+                told = ours(*arguments, "--within", f"{within}")
+                heard, within = told["n_matched"], min(2.0 * within, 16.0)
+                assert told["n_fault"] == 0, told
+
         robots = lab.start(
             "robots", *map(str, robots_command(True, DOMAIN)), *fleet, environment={**os.environ, **place}, **pipes
         )
@@ -206,8 +215,7 @@ def test_twenty_robots_of_real_ros_on_a_lossy_network(channel: str) -> None:
         lab.lose(0.2, what='iifname "eth0"')
         with Said(robots) as heard, Said(lab.start("ours", *SLEEPCAST[2:], *minds, **pipes)) as said:
             said.until(lambda lines: count(lines, "20 robots") == 1)
-            go = ours("send", "--standing", "--all", "--count", "20", "(RULE go (SETQ drive_speed 0.2m/s))")
-            assert go["n_matched"] == 20
+            all_obey("send", "--standing", "--all", "--count", "20", "(RULE go (SETQ drive_speed 0.2m/s))")
             heard.until(lambda lines: last(lines, "moves", "rests") == ["moves"] * 20)
             lab.cut("robots")
             heard.until(lambda lines: last(lines, "moves", "rests") == ["rests"] * 20)
@@ -215,8 +223,7 @@ def test_twenty_robots_of_real_ros_on_a_lossy_network(channel: str) -> None:
             lab.heal()
             said.until(lambda lines: sum("within reach again" in line for line in lines) == 20)
             heard.until(lambda lines: last(lines, "moves", "rests") == ["moves"] * 20)
-            stop = ours("stop")
-            assert (stop["n_matched"], stop["n_silent"]) == (20, 0)
+            all_obey("stop")
             heard.until(lambda lines: last(lines, "moves", "rests") == ["rests"] * 20)
             heard.until(lambda lines: last(lines, "stopped", "free") == ["stopped"] * 20)
 

@@ -35,9 +35,12 @@ ORDINARY = ["r1", "r2", "r3"]
 ALL = [*ORDINARY, "tiny"]
 QUIET = 2.5
 """Seconds after an old standing command for longer than which rules rest only if there are to be more."""
-HEARD_IN = 5.0
-"""Seconds until an instant of which the small robot hears in time to measure the clock, on a busy machine too."""
-PATIENT = 60.0
+HEARD_IN = 2.0
+"""Seconds until an instant of which the small robot hears in time to measure the clock, on a quiet machine."""
+PATIENT = 240.0
+"""Seconds for what takes as long as the machine is busy."""
+MOST = 60.0
+"""Seconds that are given for one try at most."""
 
 
 @pytest.fixture(scope="module")
@@ -46,20 +49,30 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return board.build(tmp_path_factory.mktemp("board"))
 
 
-@pytest.fixture(scope="module")
-def channel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """The channel of three ordinary robots, whose keys belong to this user."""
+@pytest.fixture(scope="module", autouse=True)
+def home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """The keys of all robots and of their desk belong to this user."""
     board.needed()
-    group = f"239.255.83.79:{free_port()}"
     with pytest.MonkeyPatch.context() as patch:
         live_in(tmp_path_factory.mktemp("home"), patch)
         keys = [KeyPair.new("desk", Role.COMMANDER), KeyPair.new("r*", Role.ROBOT), KeyPair.new("tiny", Role.ROBOT)]
         for key in keys:
             save_key(key, key_file(keys_folder(), key.public.owner))
         save_trust(Trust(key.public for key in keys), keys_folder() / "trust.json")
-        uri = f"udp://{group}?interface=lo"
-        with swarm(len(ORDINARY), uri, "--key", "r*"):
-            yield uri
+        yield
+
+
+def new_channel() -> str:
+    """A channel on which nobody is yet."""
+    return f"udp://239.255.83.79:{free_port()}?interface=lo"
+
+
+@pytest.fixture(scope="class")
+def channel() -> Iterator[str]:
+    """The channel of three ordinary robots."""
+    uri = new_channel()
+    with swarm(len(ORDINARY), uri, "--key", "r*"):
+        yield uri
 
 
 @contextmanager
@@ -81,24 +94,24 @@ def tiny(
             process.kill()
 
 
-def account(channel: str, *arguments: str) -> dict[str, Any]:
+def account(channel: str, *arguments: str, within: float) -> dict[str, Any]:
     """What becomes of a command. On a busy computer the small one takes long to verify it: sent again meanwhile, it
     would have still more to verify."""
-    found = called_warm(*arguments, "--within", "3", "--channel", channel, "--key", "desk", "--json")
+    found = called_warm(*arguments, "--within", f"{within}", "--channel", channel, "--key", "desk", "--json")
     assert found.out, found.err
     told: dict[str, Any] = json.loads(found.out)
     return told
 
 
-def decided(channel: str, text: str) -> tuple[list[str], list[str]]:
+def decided(channel: str, text: str, within: float) -> tuple[list[str], list[str]]:
     """Which robots a command matched, and which not; on a busy computer one may be late."""
-    sent = account(channel, "send", "--anyway", text)
+    sent = account(channel, "send", "--anyway", "--deadline", f"{5.0 * within}", text, within=within)
     return sorted(sent["matched"]), sorted(sent["not_matched"])
 
 
-def value(channel: str, text: str, name: str = "tiny") -> object:
+def value(channel: str, text: str, within: float, name: str = "tiny") -> object:
     """What a text is on the small robot, None if it has not answered."""
-    asked = account(channel, "ask", f"(IF (= id 9) {text} 0)")
+    asked = account(channel, "ask", f"(IF (= id 9) {text} 0)", within=within)
     return asked["max"] if name in asked["matched"] else None
 
 
@@ -106,6 +119,15 @@ def until(holds: Callable[[], bool]) -> None:
     late = time.monotonic() + PATIENT
     while not holds():
         assert time.monotonic() < late
+
+
+def with_time_enough(holds: Callable[[float], bool], seconds: float = 1.0) -> None:
+    """Try something that is told how many seconds there are for it, with twice as many until it holds: how long the
+    small robot takes depends on how busy the machine is."""
+    late = time.monotonic() + PATIENT
+    while not holds(seconds):
+        assert time.monotonic() < late
+        seconds = min(2.0 * seconds, MOST)
 
 
 class Repeats:
@@ -159,10 +181,12 @@ class Desk:
             time.sleep(0.002)
         raise AssertionError(f"no answer to {text or kind}")
 
-    def choose(self, text: str, *, seconds: float = 0.0, others: tuple[str, ...] = ()) -> dict[str, object]:
+    def choose(
+        self, text: str, *, seconds: float = 0.0, others: tuple[str, ...] = (), good: float = PATIENT
+    ) -> dict[str, object]:
         """The answer to a BEST or QUORUM whose caller chooses the small robot as soon as it bids, and keeps it for so
-        long; or chooses these others instead."""
-        message, found = self._message(text, Kind.COMMAND), dict[str, object]()
+        long; or chooses these others instead. good: seconds for which it may still be chosen."""
+        message, found = self._message(text, Kind.COMMAND, good=good), dict[str, object]()
         late, repeats, ends = time.monotonic() + PATIENT, Repeats(), None
         while time.monotonic() < late and not (ends is not None and time.monotonic() > ends):
             if not found and repeats.due():
@@ -182,6 +206,15 @@ class Desk:
                 self._send(replace(self._message("", Kind.REQUEST), body=grants.body()))
             time.sleep(0.002)
         return found
+
+    def lease(self, text: str, lease: float, seconds: float = 0.0) -> bool:
+        """Choose the small robot for a BEST or QUORUM with this lease (`{}` in the text): whether it has heard so
+        before the lease was over."""
+        self.bids.clear()
+        found = self.choose(text.format(f"{lease}s"), seconds=seconds, good=5.0 + 2.0 * lease)
+        assert found["outcome"] in ("matched", "not matched", "late"), found
+        assert found["fault"] is None
+        return found["outcome"] == "matched"
 
     def _heard(self) -> Iterator[tuple[Fragment, dict[str, Any]]]:
         for datagram in self._air.receive():
@@ -203,10 +236,10 @@ class Desk:
         """Send a message whose signature is wrong."""
         self._send(self._message(text, kind), wrong=True)
 
-    def _message(self, text: str, kind: Kind, standing: bool = False) -> Message:
+    def _message(self, text: str, kind: Kind, standing: bool = False, good: float = PATIENT) -> Message:
         self._number += 1
         now = time.time()
-        return Message("desk", 1, self._number, kind, now, now + 60.0, text, standing)
+        return Message("desk", 1, self._number, kind, now, now + good, text, standing)
 
     def send(self, message: Message, key: KeyPair) -> None:
         """Send what somebody else says."""
@@ -218,23 +251,32 @@ class Desk:
             self._air.send(datagram[:-1] + bytes([datagram[-1] ^ wrong]))
 
 
-def test_an_interrupt_brings_the_body_to_rest(folder: Path, channel: str, tmp_path: Path) -> None:
-    with tiny(folder, channel, tmp_path, program="ending") as process:
-        until(lambda: value(channel, "5") == 5.0)  # it runs
+def test_an_interrupt_brings_the_body_to_rest(folder: Path, tmp_path: Path) -> None:
+    alone = new_channel()
+    with tiny(folder, alone, tmp_path, program="ending") as process, Desk(alone) as desk:
+        assert desk.ask("5", Kind.ASK)["value"] == 5.0  # it runs
         process.send_signal(signal.SIGINT)
         assert process.stdout is not None
         assert process.stdout.read() == "at rest\nended\n"
 
 
-RULE = "(RULE rule{} (WHEN (AND (> fuel 50%) (NOT (< speed -0.3m/s))) (SETQ lamp (+ lamp 0.1))))"
+def rules(numbers: range) -> str:
+    """A standing command that makes these rules."""
+    rule = "(RULE rule{} (WHEN (AND (> fuel 50%) (NOT (< speed -0.3m/s))) (SETQ lamp (+ lamp 0.1))))"
+    return f"(PROGN {' '.join(rule.format(number) for number in numbers)})"
 
 
-def test_sixty_rules_fit_into_a_whole_node_and_it_goes_on_obeying(folder: Path, channel: str, tmp_path: Path) -> None:
-    alone = f"udp://239.255.83.79:{free_port()}?interface=lo"
+FORTY = [range(first, first + 4) for first in range(0, 40, 4)]
+"""Rules of one command each: to verify it and to sign its answer takes the small robot far longer than to make them."""
+TWENTY_MORE = [range(number, number + 1) for number in range(40, 60)]
+
+
+def test_sixty_rules_fit_into_a_whole_node_and_it_goes_on_obeying(folder: Path, tmp_path: Path) -> None:
+    alone = new_channel()
     with tiny(folder, alone, tmp_path), Desk(alone) as desk:
         assert desk.ask("(SETQ lamp 0)")["outcome"] == "matched"
-        for number in range(60):
-            assert desk.ask(RULE.format(number), standing=True)["outcome"] == "matched", number
+        for numbers in (*FORTY, *TWENTY_MORE):  # these by themselves, since there is little memory left
+            assert desk.ask(rules(numbers), standing=True)["outcome"] == "matched", numbers
         value = desk.ask("rule59", Kind.ASK)["value"]
         assert isinstance(value, float)
         assert value > 6.0, "all rules run at every tick"
@@ -250,21 +292,21 @@ def test_sixty_rules_fit_into_a_whole_node_and_it_goes_on_obeying(folder: Path, 
         assert desk.ask("(WHEN (> fuel 50%) (DRIVE 0.3m/s 0))")["outcome"] == "matched"
 
 
-def test_beside_forty_rules_it_waits_bids_and_obeys(folder: Path, channel: str, tmp_path: Path) -> None:
-    alone = f"udp://239.255.83.79:{free_port()}?interface=lo"
+def test_beside_forty_rules_it_waits_bids_and_obeys(folder: Path, tmp_path: Path) -> None:
+    alone = new_channel()
     with tiny(folder, alone, tmp_path), Desk(alone) as desk:
         assert desk.ask("(SETQ lamp 0)")["outcome"] == "matched"
-        for number in range(40):
-            assert desk.ask(RULE.format(number), standing=True)["outcome"] == "matched", number
+        for numbers in FORTY:
+            assert desk.ask(rules(numbers), standing=True)["outcome"] == "matched", numbers
         assert desk.ask("(AFTER-ISSUE 600s (SETQ lamp 1))").get("waiting") is True
-        found = desk.choose("(BEST 1 1 TRUE (PROGN (JOIN red) (RULE shine (SETQ lamp 1))) :lease 3s)", seconds=1.0)
-        assert (found["outcome"], found["fault"]) == ("matched", None)
+        text = "(BEST 1 1 TRUE (PROGN (JOIN red) (RULE shine (SETQ lamp 1))) :lease {})"
+        with_time_enough(lambda lease: desk.lease(text, lease, seconds=1.0), 2.0)
         until(lambda: desk.ask("(OR (IN red) (KNOWN shine))", Kind.ASK)["value"] == 0.0)  # its lease has ended
         assert desk.ask("(WHEN TRUE (CANCEL))")["value"] == 1.0
 
 
-def test_rules_that_may_have_been_replaced_do_nothing(folder: Path, channel: str, tmp_path: Path) -> None:
-    alone = f"udp://239.255.83.79:{free_port()}?interface=lo"
+def test_rules_that_may_have_been_replaced_do_nothing(folder: Path, tmp_path: Path) -> None:
+    alone = new_channel()
     with tiny(folder, alone, tmp_path), Desk(alone) as desk:
         latest = 1_000
 
@@ -283,10 +325,8 @@ def test_rules_that_may_have_been_replaced_do_nothing(folder: Path, channel: str
         until(lambda: desk.ask("lamp", Kind.ASK)["value"] == 0.5)
 
 
-def test_a_stop_holds_after_a_restart_and_so_does_one_that_may_be_lost(
-    folder: Path, tmp_path: Path, channel: str
-) -> None:
-    alone = f"udp://239.255.83.79:{free_port()}?interface=lo"
+def test_a_stop_holds_after_a_restart_and_so_does_one_that_may_be_lost(folder: Path, tmp_path: Path) -> None:
+    alone = new_channel()
     stops = tmp_path / "stops.json"
     with Desk(alone) as desk:
         with tiny(folder, alone, tmp_path):
@@ -313,7 +353,7 @@ class Tiny:
 
     def __init__(self, folder: Path, at: Path) -> None:
         self._folder, self._at, self._changes = folder, at, 0
-        self._channel = f"udp://239.255.83.79:{free_port()}?interface=lo"
+        self._channel = new_channel()
         self._life = ExitStack()
         self.desk = Desk(self._channel)
 
@@ -348,7 +388,7 @@ class Tiny:
         return "stopped" in str(self.desk.ask("(DRIVE 0.3m/s 0)")["fault"])
 
 
-def test_what_it_answers_is_stored_or_it_says_so(folder: Path, channel: str, tmp_path: Path) -> None:
+def test_what_it_answers_is_stored_or_it_says_so(folder: Path, tmp_path: Path) -> None:
     with Tiny(folder, tmp_path) as robot:
         try_all(robot)
 
@@ -357,63 +397,74 @@ def test_what_it_answers_is_stored_or_it_says_so(folder: Path, channel: str, tmp
 def joined(folder: Path, channel: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """The channel of the three others and a small one, whose lease is shorter than the time between two questions. A
     rule was sent when it was not there yet."""
-    greeted = account(channel, "send", "--standing", "--all", "(RULE greet (+ id 100))")
-    assert sorted(greeted["matched"]) == ORDINARY
+    greet = ("send", "--standing", "--all", "(RULE greet (+ id 100))")
+    with_time_enough(lambda within: sorted(account(channel, *greet, within=within)["matched"]) == ORDINARY)
     with tiny(folder, channel, tmp_path_factory.mktemp("tiny"), lease=0.1):
         yield channel
 
 
 class TestOneOfTheSwarm:
+    def test_it_hears_the_robots_that_share_its_key(self, folder: Path, channel: str, tmp_path: Path) -> None:
+        """A rule that was sent before it was there reaches it from them: the desk is gone."""
+        account(channel, "send", "--standing", "--all", "(RULE shared (+ id 200))", within=1.0)
+        with tiny(folder, channel, tmp_path, key="r*", name="r9"):
+            with_time_enough(lambda within: value(channel, "shared", within, "r9") == 209.0)
+
     def test_what_was_sent_before_it_was_there_reaches_it_from_the_others(self, joined: str) -> None:
-        until(lambda: value(joined, "greet") == 109.0)
+        with_time_enough(lambda within: value(joined, "greet", within) == 109.0)
 
     def test_it_decides_for_itself(self, joined: str) -> None:
-        until(lambda: decided(joined, "(WHEN (> id 2) (JOIN late))") == (["r3", "tiny"], ["r1", "r2"]))
+        text = "(WHEN (> id 2) (JOIN late))"
+        with_time_enough(lambda within: decided(joined, text, within) == (["r3", "tiny"], ["r1", "r2"]))
 
     def test_it_does_what_another_robot_tells(self, joined: str) -> None:
         tell = "(WHEN (= id 1) (TELL (WHEN (= id 9) (SETQ lamp (> id 8)))))"
-        until(lambda: bool(account(joined, "send", tell, "--anyway")["matched"]) and value(joined, "lamp") == 1.0)
+
+        def is_done(within: float) -> bool:
+            sent = account(joined, "send", tell, "--anyway", within=within)
+            return bool(sent["matched"]) and value(joined, "lamp", within) == 1.0
+
+        with_time_enough(is_done)
 
     def test_it_obeys_at_the_instant_of_all_and_says_within_which_bound(self, joined: str) -> None:
-        def all_obey() -> bool:
-            sent = account(joined, "send", "(AFTER-ISSUE 3s (WHEN (> id 2) (JOIN timely)))")
+        def all_obey(seconds: float) -> bool:
+            text = f"(AFTER-ISSUE {seconds}s (WHEN (> id 2) (JOIN timely)))"
+            sent = account(joined, "send", text, within=seconds)
             assert set(sent["matched"]) | set(sent["not_matched"]) | set(sent["fault"]) <= set(ALL)
             return (sorted(sent["matched"]), bool(sent["bound"])) == (["r3", "tiny"], True)
 
-        until(all_obey)
+        with_time_enough(all_obey, HEARD_IN)
 
     def test_it_is_one_of_the_bidders_and_leaves_when_the_desk_is_gone(self, joined: str) -> None:
-        def are_chosen() -> bool:
-            sent = account(joined, "send", "(BEST 2 (ABS (- id 8)) (> id 1) (JOIN chosen))")
+        def are_chosen(window: float) -> bool:
+            times = f":window {min(window, 10.0)}s :lease {4.0 * window}s"
+            text = f"(BEST 2 (ABS (- id 8)) (> id 1) (JOIN chosen) {times})"
+            sent = account(joined, "send", text, "--deadline", f"{8.0 * window}", within=window)
             assert len(sent["matched"]) <= 2
             return (sorted(sent["matched"]), sent["not_matched"]) == (["r3", "tiny"], ["r1", "r2"])
 
-        until(are_chosen)
-        until(lambda: value(joined, "(IN chosen)") == 0.0)
+        with_time_enough(are_chosen)
+        with_time_enough(lambda within: value(joined, "(IN chosen)", within) == 0.0)
 
     def test_it_comes_to_rest_when_its_operator_is_gone_for_longer_than_the_lease(self, joined: str) -> None:
-        until(lambda: decided(joined, "(WHEN (= id 9) (DRIVE 0.3m/s 0))")[0] == ["tiny"])
-        until(lambda: value(joined, "(IF (> x 0m) speed 9)") == 0.0)
+        text = "(WHEN (= id 9) (DRIVE 0.3m/s 0))"
+        with_time_enough(lambda within: decided(joined, text, within)[0] == ["tiny"])
+        with_time_enough(lambda within: value(joined, "(IF (> x 0m) speed 9)", within) == 0.0)
 
     def test_it_stops_with_the_others_and_is_released_with_them(self, joined: str) -> None:
-        until(lambda: sorted(account(joined, "stop", "--accepted")["matched"]) == ALL)
-        until(lambda: sorted(account(joined, "release")["matched"]) == ALL)
+        for order in (["stop", "--accepted"], ["release"]):
+            with_time_enough(lambda within, order=order: are_all(account(joined, *order, within=within)))  # type: ignore[misc]
 
 
-def test_it_hears_the_robots_that_share_its_key(folder: Path, channel: str, tmp_path: Path) -> None:
-    """A rule that was sent before it was there reaches it from them: the desk is gone."""
-    account(channel, "send", "--standing", "--all", "(RULE shared (+ id 200))")
-    with tiny(folder, channel, tmp_path, key="r*", name="r9"):
-        until(lambda: value(channel, "shared", "r9") == 209.0)
+def are_all(told: dict[str, Any]) -> bool:
+    return sorted(told["matched"]) == ALL
 
 
-def test_it_hears_another_robot_of_its_name(folder: Path, channel: str, tmp_path: Path) -> None:
+def test_it_hears_another_robot_of_its_name(bidder: Desk) -> None:
     """What it hears under its own name is an echo only in its own epoch: here a STOP, which it used to drop."""
-    with tiny(folder, channel, tmp_path), Desk(channel) as desk:
-        assert desk.ask("(+ 1 1)", Kind.ASK)["value"] == 2.0
-        key, now = load_key(key_file(keys_folder(), "tiny")), time.time()
-        desk.send(Message("tiny", int(1000 * now), 1, Kind.STOP, now, now + 5.0), key)
-        until(lambda: desk.ask("(DRIVE 0.3m/s 0deg/s)").get("held") is True)
+    key, now = load_key(key_file(keys_folder(), "tiny")), time.time()
+    bidder.send(Message("tiny", int(1000 * now), 1, Kind.STOP, now, now + 5.0), key)
+    until(lambda: "stopped" in str(bidder.ask("(DRIVE 0.3m/s 0deg/s)")["fault"]))
 
 
 class Party:
@@ -471,32 +522,30 @@ class Party:
         until(turn)
 
 
-def test_it_catches_up_with_each_command_sent_and_verified_hardly_more_than_once(
-    folder: Path, channel: str, tmp_path: Path
-) -> None:
-    alone = f"udp://239.255.83.79:{free_port()}?interface=lo"
+def test_it_catches_up_with_each_command_sent_and_verified_hardly_more_than_once(folder: Path, tmp_path: Path) -> None:
+    alone = new_channel()
     with Party(alone) as desk:
         desk.post("(DEFVAR last 0)", standing=True)
-        for number in range(1, 41):  # the same few rules again and again
+        for number in range(1, 24):  # the same few rules again and again
             desk.post(f"(RULE rule{number % 4} (SETQ last {number}))", standing=True)
         time.sleep(0.5)  # no repeats of ours are under way any more
         desk.delivery.step(time.time())
         with tiny(folder, alone, tmp_path):
-            desk.serve(lambda: desk.digests[-1] == 41)
+            desk.serve(lambda: desk.digests[-1] == 24)
             assert desk.digests == sorted(desk.digests)
-            assert desk.sent < 160, "four of each; when they came in any order, it took sixteen"
+            assert desk.sent < 96, "four of each; when they came in any order, it took sixteen"
 
 
-def test_of_many_commands_at_once_it_takes_the_next_ones(folder: Path, channel: str, tmp_path: Path) -> None:
-    alone = f"udp://239.255.83.79:{free_port()}?interface=lo"
+def test_of_many_commands_at_once_it_takes_the_next_ones(folder: Path, tmp_path: Path) -> None:
+    alone = new_channel()
     with tiny(folder, alone, tmp_path), Party(alone) as desk:
         rules = [desk.post(f"(RULE r{number} {number})", standing=True)[1] for number in range(24)]
         desk.send(*(datagram for datagrams in rules for datagram in datagrams))
         desk.serve(lambda: desk.digests[-1] >= 6, mends=False)
 
 
-def test_commands_that_found_no_room_to_wait_come_again(folder: Path, channel: str, tmp_path: Path) -> None:
-    alone = f"udp://239.255.83.79:{free_port()}?interface=lo"
+def test_commands_that_found_no_room_to_wait_come_again(folder: Path, tmp_path: Path) -> None:
+    alone = new_channel()
     with tiny(folder, alone, tmp_path), Party(alone) as desk:
         _, rule = desk.post("(DEFVAR n 0)", standing=True)
         orders = [desk.post("(SETQ n (+ n 1))") for _ in range(8)]
@@ -546,23 +595,36 @@ class Instants(Party):
 
 
 @pytest.fixture
-def alone(folder: Path, channel: str, tmp_path: Path) -> Iterator[Instants]:
+def alone(folder: Path, tmp_path: Path) -> Iterator[Instants]:
     """A desk alone with a small robot."""
-    uri = f"udp://239.255.83.79:{free_port()}?interface=lo"
+    uri = new_channel()
     with tiny(folder, uri, tmp_path), Instants(uri) as desk:
-        assert desk.do("(SETQ lamp 0)")["outcome"] == "matched"
         yield desk
 
 
+def is_in_time(found: dict[str, Any]) -> bool:
+    """Whether a command that waited was done: on a busy machine the clock has not been measured by then, or its tick is
+    late."""
+    assert found["outcome"] in ("matched", "late") or "no bound of its clock" in found["fault"], found
+    return bool(found["outcome"] == "matched")
+
+
 def test_what_waits_is_done_at_its_instant_by_the_clock_of_its_sender(alone: Instants) -> None:
-    sent = alone.wait(HEARD_IN)
-    assert alone.do("lamp", Kind.ASK)["value"] == 0.0
-    found = alone.second(sent)
-    assert found["outcome"] in ("matched", "late")  # on a busy machine a tick may be late
-    if found["outcome"] == "matched":
-        assert time.time() >= sent.issued + HEARD_IN - found["bound"]
+    def is_done(seconds: float) -> bool:
+        assert alone.do("(SETQ lamp 0)")["outcome"] == "matched"
+        sent = alone.wait(seconds)
+        instant = sent.issued + seconds
+        before, at = alone.do("lamp", Kind.ASK)["value"], time.time()
+        found = alone.second(sent)
+        if not is_in_time(found) or at > instant - found["bound"]:
+            return False
+        assert before == 0.0
+        assert time.time() >= instant - found["bound"]
         assert 0.0 < found["bound"] < 1.0
         assert alone.do("lamp", Kind.ASK)["value"] == 0.25
+        return True
+
+    with_time_enough(is_done, HEARD_IN)
 
 
 HELD, BACK = 0.15, 0.35
@@ -597,18 +659,19 @@ def _due(waiting: list[tuple[float, bytes]], now: float) -> list[bytes]:
 
 def test_what_its_question_has_waited_at_the_desk_is_taken_off_its_bound_once(alone: Instants) -> None:
     alone._air = LateAir(alone._air)  # type: ignore[assignment]
-    sent = alone.wait(4.0)
-    found = alone.second(sent)
-    assert found["outcome"] in ("matched", "late")
-    if found["outcome"] == "matched":
-        assert found["bound"] > BACK / 2.0
+
+    def is_bounded(seconds: float) -> bool:
+        found = alone.second(alone.wait(seconds, "(SETQ lamp 1)"))
+        return is_in_time(found) and found["bound"] > BACK / 2.0
+
+    with_time_enough(is_bounded, HEARD_IN)
 
 
 def test_stop_and_cancel_discard_what_waits(alone: Instants) -> None:
-    first = alone.wait(30.0)
+    first = alone.wait(PATIENT)
     assert alone.do("(WHEN TRUE (CANCEL))")["value"] == 1.0
     assert alone.second(first)["fault"] == "CANCEL has discarded it before its instant"
-    second = alone.wait(30.0)
+    second = alone.wait(PATIENT)
     assert alone.do("", Kind.STOP)["outcome"] == "stopped"
     assert alone.second(second)["fault"] == "STOP has discarded it before its instant"
     assert alone.do("(AFTER-ISSUE 30s (SETQ lamp 1))")["fault"] == "it is held still, so nothing waits in it"
@@ -618,12 +681,12 @@ def test_stop_and_cancel_discard_what_waits(alone: Instants) -> None:
 
 def test_four_commands_wait_and_no_more(alone: Instants) -> None:
     for _ in range(4):
-        alone.wait(50.0)
+        alone.wait(PATIENT)
     assert alone.do("(AFTER-ISSUE 50s (SETQ lamp 1))")["fault"].startswith("4 commands wait in this robot already")
 
 
 def test_what_is_heard_after_its_instant_is_late(alone: Instants) -> None:
-    alone.wait(50.0)
+    alone.wait(PATIENT)
 
     def found() -> dict[str, Any]:
         """What comes of a command that is sent a second after its instant."""
@@ -642,18 +705,26 @@ def test_what_is_heard_after_its_instant_is_late(alone: Instants) -> None:
 def test_who_cannot_ask_for_the_time_does_nothing(alone: Instants) -> None:
     message, datagrams = alone.post(f"(AFTER-ISSUE {HEARD_IN}s (SETQ lamp 1))")
     alone.send(*datagrams)
-    alone.serve(lambda: len(alone.of(message)) > 1, mends=False)
+    alone.serve(lambda: any("waiting" not in body for body in alone.of(message)), mends=False)
     assert alone.of(message)[-1]["fault"].startswith("not done: this robot has no bound of its clock")
 
 
-def test_what_waits_outlasts_a_restart(folder: Path, channel: str, tmp_path: Path) -> None:
-    uri = f"udp://239.255.83.79:{free_port()}?interface=lo"
+def test_what_waits_outlasts_a_restart(folder: Path, tmp_path: Path) -> None:
+    uri = new_channel()
     with Instants(uri) as desk:
+        over, waits = list[Message](), list[float]()
+
+        def waits_when_killed(seconds: float) -> bool:
+            over.append(desk.wait(seconds))
+            waits.append(over[-1].issued + seconds)
+            return time.time() < waits[-1] - 0.5
+
         with tiny(folder, uri, tmp_path):
-            over, ahead = desk.wait(HEARD_IN), desk.wait(60.0)
-        time.sleep(max(0.0, over.issued + HEARD_IN + 0.5 - time.time()))
+            ahead = desk.wait(PATIENT)
+            with_time_enough(waits_when_killed, HEARD_IN)
+        time.sleep(max(0.0, waits[-1] + 0.5 - time.time()))
         with tiny(folder, uri, tmp_path):
-            assert "not done" in desk.second(over)["fault"]
+            assert "not done" in desk.second(over[-1])["fault"]
             assert desk.do("(CANCEL)")["value"] == 1.0
             assert desk.second(ahead)["fault"] == "CANCEL has discarded it before its instant"
 
@@ -662,9 +733,9 @@ def test_what_waits_outlasts_a_restart(folder: Path, channel: str, tmp_path: Pat
 
 
 @pytest.fixture
-def bidder(folder: Path, channel: str, tmp_path: Path) -> Iterator[Desk]:
+def bidder(folder: Path, tmp_path: Path) -> Iterator[Desk]:
     """A desk alone with a small robot."""
-    uri = f"udp://239.255.83.79:{free_port()}?interface=lo"
+    uri = new_channel()
     with tiny(folder, uri, tmp_path), Desk(uri) as desk:
         assert desk.ask("(SETQ lamp 0)")["outcome"] == "matched"
         yield desk
@@ -675,13 +746,15 @@ def is_in(desk: Desk, group: str) -> bool:
 
 
 def test_a_member_stays_while_it_is_renewed_and_no_longer(bidder: Desk) -> None:
-    # The desk of this test renews as soon as it hears a bid: a lease of a second ends where the machine is busy.
-    found = bidder.choose("(BEST 1 (* 2 id) (> fuel 50%) (JOIN red) :lease 4s)", seconds=5.0)
-    assert (found["outcome"], found["fault"]) == ("matched", None)
-    assert {bid.cost for bid in bidder.bids} == {18.0}
-    by_beat = {bid.beat: bid for bid in bidder.bids}  # datagrams may overtake each other
-    assert len(by_beat) == len(bidder.bids)
-    assert by_beat[max(by_beat)].phase is BidPhase.MEMBER
+    def stays(lease: float) -> bool:
+        """Whether it is still in when its first lease is over: its desk renews it as soon as it hears a bid."""
+        chosen = bidder.lease("(BEST 1 (* 2 id) (> fuel 50%) (JOIN red) :lease {})", lease, seconds=1.25 * lease)
+        assert {bid.cost for bid in bidder.bids} <= {18.0}
+        by_beat = {bid.beat: bid for bid in bidder.bids}  # datagrams may overtake each other
+        assert len(by_beat) == len(bidder.bids)
+        return chosen and by_beat[max(by_beat)].phase is BidPhase.MEMBER
+
+    with_time_enough(stays, 2.0)
     until(lambda: not is_in(bidder, "red"))
 
 
@@ -696,8 +769,8 @@ def test_who_is_not_chosen_says_who_was_and_who_cannot_bid_says_why(bidder: Desk
 
 def test_what_a_member_was_before_stays(bidder: Desk) -> None:
     assert bidder.ask("(PROGN (JOIN red) (RULE shine 1))")["outcome"] == "matched"
-    text = "(QUORUM 1 1 TRUE (PROGN (JOIN red) (JOIN blue) (RULE shine 2) (RULE glow 3)) :lease 1s)"
-    assert bidder.choose(text)["outcome"] == "matched"
+    text = "(QUORUM 1 1 TRUE (PROGN (JOIN red) (JOIN blue) (RULE shine 2) (RULE glow 3)) :lease {})"
+    with_time_enough(lambda lease: bidder.lease(text, lease))
     assert bidder.ask("(RULE glow 4)")["outcome"] == "matched"
     until(lambda: not is_in(bidder, "blue"))
     assert is_in(bidder, "red")

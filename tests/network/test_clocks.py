@@ -19,7 +19,7 @@ import forkserver
 
 LIBRARY = next((str(found) for found in Path("/usr/lib").glob("*/faketime/libfaketime.so.1")), "")
 pytestmark = pytest.mark.skipif(not LIBRARY, reason="clocks are set wrong with libfaketime: apt install libfaketime")
-PATIENCE = 60.0
+PATIENCE = 240.0
 
 
 class Fleet:
@@ -142,9 +142,12 @@ def test_robots_that_wake_in_1970_take_the_time_from_an_operator_and_obey(fleet:
         return all(re.search(taken, fleet.told[each].read_text()) for each in ("r9", "s"))
 
     wait_for(all_have_it)
-    sent, told = fleet.say("send", "--all", "--blind", "(SETQ E5 1)")
-    assert sorted(sent["matched"]) == ["r9", "s1", "s2", "s3"]  # type: ignore[call-overload]
-    assert "clock is" not in told
+
+    def all_obey() -> bool:  # on a busy machine some answer too late, or what they say is looked at too late
+        sent, told = fleet.say("send", "--all", "--blind", "--deadline", "30", "(SETQ E5 1)")
+        return sorted(sent["matched"]) == ["r9", "s1", "s2", "s3"] and "clock is" not in told  # type: ignore[call-overload]
+
+    wait_for(all_obey)
 
 
 def test_a_clock_that_jumps_in_mid_run_changes_nothing(fleet: Fleet) -> None:

@@ -225,16 +225,6 @@ def test_go_says_why_it_cannot_make_its_environment(clone: Path) -> None:
     assert (done.returncode, done.stdout) == (1, "")
 
 
-def test_go_takes_a_failed_installation_for_no_installation(clone: Path) -> None:
-    offline = {**os.environ, "PIP_NO_INDEX": "1", "PIP_FIND_LINKS": str(clone / "nothing")}
-    for _ in range(2):
-        done = run(sys.executable, "go.py", cwd=clone, env=offline)
-        assert "sleepcast: installing requirements/run.txt" in done.stderr
-        assert "Installing failed; pip says why above." in done.stderr
-        assert "Traceback" not in done.stderr
-        assert (done.returncode, done.stdout) == (1, "")
-
-
 def test_go_stops_cleanly_at_an_interrupt(clone: Path) -> None:
     with subprocess.Popen(
         [sys.executable, "go.py"], cwd=clone, stderr=subprocess.PIPE, text=True, start_new_session=True
@@ -258,32 +248,59 @@ def ours(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (clone / "requirements").mkdir()
     (clone / "requirements" / "run.txt").write_text("")
     (clone / "requirements" / "dev.txt").write_text("")
-    venv.create(clone / ".venv", with_pip=True, symlinks=True)
+    venv.create(clone / ".venv", symlinks=True)
+    (clone / ".venv" / "bin" / f"pip{go.VERSION}").touch()  # pip is one of our libraries, too
     (site,) = clone.glob(".venv/lib/python*/site-packages")
     (site / "libraries.pth").write_text(sysconfig.get_path("purelib"))
     return clone
 
 
-def test_go_compiles_the_simulator_as_the_last_step_of_its_set_up(ours: Path, tmp_path: Path) -> None:
-    """And what that tells is no result."""
+NOWHERE = f"--hash=sha256:{'0' * 64}"
+"""The hash of what no index has."""
+
+
+def offline(clone: Path) -> dict[str, str]:
+    """Surroundings in which pip finds no package."""
+    return {**os.environ, "PIP_NO_INDEX": "1", "PIP_FIND_LINKS": str(clone / "nothing")}
+
+
+def test_go_takes_a_failed_installation_for_no_installation(ours: Path, tmp_path: Path) -> None:
     clone = shutil.copytree(ours, tmp_path / "clone", symlinks=True)
-    done = run(sys.executable, "go.py", "eval", "(+ 1 2)", cwd=clone)
+    (clone / "requirements" / "run.txt").write_text(f"nothing==1.0 \\\n    {NOWHERE}\n")
+    for _ in range(2):
+        done = run(sys.executable, "go.py", cwd=clone, env=offline(clone))
+        assert "sleepcast: installing requirements/run.txt" in done.stderr
+        assert "Installing failed; pip says why above." in done.stderr
+        assert "Traceback" not in done.stderr
+        assert (done.returncode, done.stdout) == (1, "")
+
+
+@pytest.fixture(scope="module")
+def started(ours: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.CompletedProcess[str]]:
+    """A clone after its first start, on a computer that can have no numba; and what that said."""
+    clone = shutil.copytree(ours, tmp_path_factory.mktemp("first") / "clone", symlinks=True)
+    lock = f"llvmlite==99.0 \\\n    {NOWHERE}\n    # via numba\nnumba==99.0 \\\n    {NOWHERE}\n"
+    (clone / "requirements" / "run.txt").write_text(lock)
+    return clone, run(sys.executable, "go.py", "eval", "(+ 1 2)", cwd=clone, env=offline(clone))
+
+
+def test_go_does_without_numba_where_there_is_none_for_this_computer(
+    started: tuple[Path, subprocess.CompletedProcess[str]],
+) -> None:
+    _, done = started
     assert (done.returncode, done.stdout) == (0, "3\n"), done.stderr
+    assert "numba cannot be installed here" in done.stderr
+
+
+def test_go_compiles_the_simulator_as_the_last_step_of_its_set_up(
+    started: tuple[Path, subprocess.CompletedProcess[str]],
+) -> None:
+    """And what that tells is no result."""
+    clone, done = started
+    assert done.stdout == "3\n"
     assert "scenarios are ready to start" in done.stderr
     again = run(sys.executable, "go.py", "eval", "(+ 1 2)", cwd=clone)
     assert (again.stdout, again.stderr) == ("3\n", "")
-
-
-def test_go_does_without_numba_where_there_is_none_for_this_computer(ours: Path, tmp_path: Path) -> None:
-    clone = shutil.copytree(ours, tmp_path / "clone", symlinks=True)
-    hashes = f"--hash=sha256:{'0' * 64}"
-    (clone / "requirements" / "run.txt").write_text(
-        f"llvmlite==99.0 \\\n    {hashes}\n    # via numba\nnumba==99.0 \\\n    {hashes}\n"
-    )
-    offline = {**os.environ, "PIP_NO_INDEX": "1", "PIP_FIND_LINKS": str(clone / "nothing")}
-    done = run(sys.executable, "go.py", "eval", "(+ 1 2)", cwd=clone, env=offline)
-    assert (done.returncode, done.stdout) == (0, "3\n"), done.stderr
-    assert "numba cannot be installed here" in done.stderr
 
 
 @pytest.fixture
@@ -366,8 +383,7 @@ def test_go_tries_no_family_that_it_cannot_install(clone: Path) -> None:
     for name in ("counterparts.txt", "counterparts/package.json"):
         (clone / "requirements" / name).parent.mkdir(exist_ok=True)
         shutil.copy(ROOT / "requirements" / name, clone / "requirements" / name)
-    offline = {**os.environ, "PIP_NO_INDEX": "1", "PIP_FIND_LINKS": str(clone / "nothing")}
-    done = run(sys.executable, "go.py", "test", "counterparts", "zenoh", cwd=clone, env=offline)
+    done = run(sys.executable, "go.py", "test", "counterparts", "zenoh", cwd=clone, env=offline(clone))
     assert (done.returncode, done.stdout) == (1, "== zenoh, from the lock\nnot tried       zenoh\n")
     assert "pip says why above" in done.stderr
 

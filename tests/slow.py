@@ -8,6 +8,7 @@ their order matters, and whether a file is listed.
 
 SLOW = {
     "experiments/test_run.py": 60,
+    "clients/test_micropython_air.py": 52,
     "test_howto.py": 49,
     "console/test_network.py": 49,
     "console/test_page.py": 48,
@@ -15,7 +16,6 @@ SLOW = {
     "cli/test_stop.py": 44,
     "console/test_page_late.py": 42,
     "nomad/panes/test_page.py": 42,
-    "clients/test_micropython_air.py": 38,
     "network/test_clocks.py": 29,
     "scenarios/test_stop_three_ways.py": 29,
     "test_repo.py": 28,

@@ -583,6 +583,7 @@ def step(bodies: Bodies) -> None:
     proposal, free = machine.room(bodies.count)
     if bodies.flight:
         bodies.flight.step()
+        bodies.low.forget()
         types = [(part, which) for part, which in types if part.scenario.robots.flight is None]
     for part, which in types:
         if part.scenario.robots.omni:
@@ -603,6 +604,7 @@ def step(bodies: Bodies) -> None:
             machine.commit(part.columns, part.laws, ways, ends)
         if before is not None:
             encoders.count(part.columns, part.laws, before, free[which], part.uncounted, part.counts)
+    for part in bodies.parts:
         if not part.laws.track and part is not bodies:  # odometry is separate where other types have wheels
             part.encoder_x[:], part.encoder_y[:], part.encoder_heading[:] = part.x, part.y, part.heading
     bodies.moved()

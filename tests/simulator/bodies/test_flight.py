@@ -473,7 +473,11 @@ def test_a_recording_and_a_page_have_the_heights(tmp_path: Path) -> None:
         (('"8m"]', '"80m"]'), "z"),
         (('like = "copter"', 'like = "copter"\nmotion = "wander"'), "motion"),
         (('like = "copter"', 'like = "copter"\nz = ["5m", "6m"]'), "give poses a z"),
-        (('like = "copter"', 'like = "copter"\nbody = { radius = "1m", bumpers = 2 }'), "body"),
+        (
+            ('like = "copter"', 'like = "copter"\nbody = { radius = "1m", bumpers = 2 }'),
+            "robots.body.bumpers: robots that fly have no bumpers",
+        ),
+        (('like = "copter"', 'like = "copter"\nbody = { radius = "1m", sonars = 2, sonar_range = "1m" }'), "no sonars"),
     ],
 )
 def test_what_cannot_fly_so_is_refused(change: tuple[str, str], why: str) -> None:

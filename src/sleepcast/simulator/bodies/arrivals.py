@@ -10,11 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sleepcast.core.errors import MisuseError, did_you_mean
-from sleepcast.core.records import dataclass
+from sleepcast.core.records import NamedTuple, dataclass
 from sleepcast.simulator.bodies.bodies import MAX_REDRAWS, Bodies, Flags, Floats, Whole
 from sleepcast.simulator.bodies.population import MAX_BIRTHS, Population
 from sleepcast.simulator.bodies.senses import Senses
@@ -87,41 +89,66 @@ def _taken(bodies: Bodies, new: Bodies) -> Whole:
     if bodies.contact is None and bodies.flight is None:
         return np.flatnonzero(taken)
     there = np.ones(bodies.count, bool) if bodies.population is None else bodies.population.present
-    others = tuple(column[there] for column in (bodies.x, bodies.y, _heights(bodies), bodies.radii, _aloft(bodies)))
+    others, all_new = _placed(bodies).of(there), _placed(new)
     for robot in np.flatnonzero(~taken).tolist():
-        before = np.flatnonzero(~taken[:robot])
-        mine = tuple(column[before] for column in (new.x, new.y, _heights(new), new.radii, _aloft(new)))
-        all_ = tuple(np.concatenate(each) for each in zip(others, mine, strict=True))
-        taken[robot] = _touches(bodies, new, robot, all_)
+        mine = all_new.of(np.flatnonzero(~taken[:robot]))
+        taken[robot] = _touches(bodies, all_new.of(np.array([robot])), others.joined(mine))
     return np.flatnonzero(taken)
 
 
-def _heights(bodies: Bodies) -> Floats:
-    """z of bodies, m, 0 on the ground."""
-    return np.zeros(bodies.count) if bodies.flight is None else np.nan_to_num(bodies.flight.z)
+class Placed(NamedTuple):
+    """Where bodies are: x, y, z and radii, m; which are in the air, which ones fly, and which are as low as those on
+    the ground. Shape (count,)."""
+
+    x: Floats
+    y: Floats
+    z: Floats
+    radii: Floats
+    aloft: Flags
+    flies: Flags
+    low: Flags
+
+    def of(self, which: Whole | Flags) -> Placed:
+        """Some of them."""
+        columns: list[NDArray[Any]] = [column[which] for column in self]
+        return Placed(*columns)
+
+    def joined(self, more: Placed) -> Placed:
+        """These and more."""
+        columns: list[NDArray[Any]] = [np.concatenate(each) for each in zip(self, more, strict=True)]
+        return Placed(*columns)
 
 
-def _aloft(bodies: Bodies) -> Floats:
-    """1 of bodies in the air, 0 of those on the ground."""
-    if bodies.flight is None:
-        return np.zeros(bodies.count)
-    return (_heights(bodies) > bodies.flight.ground_at(bodies.x, bodies.y)).astype(float)
+def _placed(bodies: Bodies) -> Placed:
+    """These bodies, where they are now."""
+    flight, every = bodies.flight, np.ones(bodies.count, bool)
+    if flight is None:
+        return Placed(bodies.x, bodies.y, np.zeros(bodies.count), bodies.radii, ~every, ~every, every)
+    z = np.nan_to_num(flight.z)
+    aloft, low = z > flight.ground_at(bodies.x, bodies.y), flight.low(bodies.x, bodies.y)
+    return Placed(bodies.x, bodies.y, z, bodies.radii, aloft, flight.flies, low)
 
 
-def _touches(bodies: Bodies, new: Bodies, robot: int, others: Sequence[Floats]) -> bool:
-    """Whether one of `new` touches a wall or one of `others` (x, y, z and radii, m, and
-    whether they are in the air) where that matters."""
-    x, y, radius, z = float(new.x[robot]), float(new.y[robot]), float(new.radii[robot]), float(_heights(new)[robot])
+def _touches(bodies: Bodies, one: Placed, others: Placed) -> bool:
+    """Whether `one` that comes touches a wall or one of `others`, where that matters."""
     around = bodies.scenario.around
-    dx, dy, dz = shortest(others[0] - x, around[0]), shortest(others[1] - y, around[1]), others[2] - z
-    near: Flags = np.sqrt(dx * dx + dy * dy + dz * dz) < others[3] + radius + SKIN
+    dx, dy, dz = shortest(others.x - one.x, around[0]), shortest(others.y - one.y, around[1]), others.z - one.z
+    flat, close = dx * dx + dy * dy, others.radii + one.radii + SKIN
+    touches = np.zeros(len(others.x), bool)
+    if bodies.flight is not None and bodies.flight.collides:
+        touches |= (np.sqrt(flat + dz * dz) < close) & (others.aloft | one.aloft)
     if bodies.contact is None:
-        aloft = (others[4] > 0.0) | (_aloft(new)[robot] > 0.0)
-        return bodies.flight is not None and bodies.flight.collides and bool((near & aloft).any())
+        return bool(touches.any())
+    touches |= (np.sqrt(flat) < close) & others.low & one.low & ~(others.flies & one.flies)
+    return bool(touches.any()) or (not one.flies.any() and _at_wall(bodies, one))
+
+
+def _at_wall(bodies: Bodies, one: Placed) -> bool:
+    """Whether something solid is so near to this body that it would touch it."""
     lines = bodies.near.lines
     ends = [lines[:, each] for each in range(4)]
-    walls = distance(np.full(len(lines), x), np.full(len(lines), y), *ends) < radius + lines[:, 4] + SKIN
-    return bool(near.any() or walls.any())
+    x, y = (np.full(len(lines), place[0]) for place in (one.x, one.y))
+    return bool((distance(x, y, *ends) < one.radii + lines[:, 4] + SKIN).any())
 
 
 # ---- what people ask for

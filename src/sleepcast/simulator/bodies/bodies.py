@@ -208,8 +208,11 @@ class Bodies:
         widest = float(self.radii.max())
         farthest = max([farthest, laser.reach + widest if laser else 0.0, camera.reach if camera else 0.0])
         farthest = max([farthest, *(spec.footprint for spec in specs)])
-        self.near = Neighbours(size, cell, self.count, self.world, machine, scenario.around, farthest, there)
-        self.contact = Bumpers(self.radii, far, self.near, machine) if robots.bumpers else None
+        near = partial(Neighbours, size, cell, self.count, self.world, machine, scenario.around, farthest, there)
+        self.near = near()
+        self.low = near(self.flight) if self.flight and (robots.bumpers or robots.ring) else self.near
+        """Those whom bodies on the ground meet: all but what flies higher."""
+        self.contact = Bumpers(self.radii, far, self.low, machine, self.flight) if robots.bumpers else None
         self.sonars = self._make_sonars(self.sensed[own:], cones)
         self.scanner = Scanner(laser, self.radii, self.near, seed, machine, heights) if laser else None
         if population:
@@ -354,10 +357,10 @@ class Bodies:
         rings = []
         for cone, spec, which in zip(cones, self.scenario.each_type, self.of_each_type, strict=True):
             if spec.ring and cone and len(cones) == 1:
-                return Sonars(spec.ring, cone, table, self.near, self.seed, self.machine)
+                return Sonars(spec.ring, cone, table, self.low, self.seed, self.machine)
             if spec.ring and cone and which.start < which.stop:
                 apart = np.full((spec.ring.count + 1, which.stop - which.start), np.nan)
-                rings.append(Sonars(spec.ring, cone, apart, self.near, self.seed, self.machine, which, self.radii))
+                rings.append(Sonars(spec.ring, cone, apart, self.low, self.seed, self.machine, which, self.radii))
         return SonarGroups(rings, table) if rings else None
 
     @property
@@ -434,6 +437,7 @@ class Bodies:
     def forget(self) -> None:
         """Invalidate the spatial index and the sonar readings: bodies have moved."""
         self.near.forget()
+        self.low.forget()
         self.sight.moved = True
         if self.flight:
             self.flight.look_below()

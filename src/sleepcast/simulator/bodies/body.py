@@ -518,14 +518,16 @@ def model_of(
 
 
 def nearest(bodies: Bodies, number: int, reach: float, first: float, last: float) -> float:
-    """Distance from robot `number` to the nearest other one between the angles `first` and `last` (rad,
-    counter-clockwise from its heading, counted from first to last), m; `reach` if there is none nearer."""
+    """Distance from robot `number`, on the ground, to the nearest other one as low, between the angles `first` and
+    `last` (rad, counter-clockwise from its heading, counted from first to last), m; `reach` if there is none nearer."""
     around_x, around_y = bodies.scenario.around
     dx, dy = shortest(bodies.x - bodies.x[number], around_x), shortest(bodies.y - bodies.y[number], around_y)
     away = np.sqrt(dx * dx + dy * dy) - (bodies.radii + bodies.radii[number])
     away[number] = np.inf
     if bodies.population is not None:
         away[~bodies.population.present] = np.inf
+    if bodies.flight is not None:
+        away[~bodies.flight.low(bodies.x, bodies.y)] = np.inf
     near = np.flatnonzero(away < reach)
     width = last - first
     if width < TURN:

@@ -91,6 +91,8 @@ class Flight:
         self.flies: Flags = bodies.by_type([float(spec.flight is not None) for spec in specs]) > 0.0
         self._rows = slice(None) if self.flies.all() else np.flatnonzero(self.flies)
         flights = [(spec.limits, spec.flight) for spec in specs]
+        self._tallest = max((spec.geometry.radius for spec in specs if spec.flight is None), default=0.0)
+        """How high the tallest body on the ground reaches above it, m."""
         self._all_laws = self._laws_of(
             [spec.limits for spec in specs], [each.sink if each else 1.0 for _, each in flights]
         )
@@ -137,9 +139,8 @@ class Flight:
 
     def start(self) -> None:
         """Stand where the scenario says, or on the roof of what is there; who starts in the air hovers there."""
-        self._start_heights()
         rows, bodies = self._rows, self._bodies
-        self.z[rows] = np.maximum(self.z[rows], self._roofs.below(bodies.x, bodies.y, np.full(bodies.count, inf))[rows])
+        self.stand()
         self.look_below()
         if self.air:
             self.air.blow(0.0, rows, bodies.x[rows], bodies.y[rows])
@@ -152,6 +153,12 @@ class Flight:
         if self.wings:
             self.wings.start()
 
+    def stand(self) -> None:
+        """Be as high as at the start, where the bodies are."""
+        rows, bodies = self._rows, self._bodies
+        self._start_heights()
+        self.z[rows] = np.maximum(self.z[rows], self._roofs.below(bodies.x, bodies.y, np.full(bodies.count, inf))[rows])
+
     def _start_heights(self) -> None:
         """Let those that fly be as high as the scenario lists, or draws."""
         for spec, part, which in self._each_type():
@@ -159,6 +166,12 @@ class Flight:
                 drawn = spec.z[0] + (spec.z[1] - spec.z[0]) * part.drawn("z")
                 listed = () if isinstance(spec.starts, Formation) else spec.starts
                 self.z[which] = start_heights(listed, part.count) if listed else drawn
+
+    def low(self, x: Floats, y: Floats) -> Flags:
+        """Which bodies, at these places, are as low as those on the ground: these, and what flies while its lower end
+        is below the upper end of the tallest of them. Bodies reach as far up and down as they are wide."""
+        rise: Floats = self.z - self.ground_at(x, y)
+        return ~self.flies | (rise - self._bodies.radii < self._tallest)
 
     def below(self, x: Floats, y: Floats, z: Floats) -> Floats:
         """How high the ground or the roof below these places is, m."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import partial
 from math import pi, sqrt
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +65,16 @@ def _known(what: str, grid: Grid, reach: float, lines: Floats, make: Callable[[]
     return made
 
 
+class Flying(Protocol):
+    """What flies among bodies, as far as it concerns those on the ground; see `flight.Flight`."""
+
+    flies: NDArray[np.bool_]
+
+    def low(self, x: Floats, y: Floats, /) -> NDArray[np.bool_]: ...
+
+    def stand(self) -> None: ...
+
+
 class Neighbours:
     """The spatial index of motion and sonar.
 
@@ -73,6 +83,7 @@ class Neighbours:
     count: of bodies
     around, reach: see `torus.cells_over`
     there: which of the bodies are there, None if all are; changed in place
+    flight: of what flies only that is listed which is low enough for those on the ground to meet it; None for all
     """
 
     def __init__(
@@ -85,8 +96,9 @@ class Neighbours:
         around: Around = PLAIN,
         reach: float = 0.0,
         there: NDArray[np.bool_] | None = None,
+        flight: Flying | None = None,
     ) -> None:
-        self._there = there
+        self._there, self._flight = there, flight
         self._cells = cells_over(size, around, cell, reach, count)
         self.grid = self._cells.grid
         self.world = world
@@ -125,6 +137,8 @@ class Neighbours:
             self._points = self._machine.sort(self.grid, images.x, images.y)
             if self._there is not None:
                 self._points = only(self._points, self._there[images.of])
+            if self._flight is not None:
+                self._points = only(self._points, self._flight.low(x, y)[images.of])
         return self._points
 
     @property
@@ -184,19 +198,27 @@ class StartError(MisuseError):
 
 
 class Bumpers:
-    """Contact of bodies with each other and with solids. radii: of the bodies, m; reach: greatest distance of a solid
-    that a body can touch within one tick, m."""
+    """Contact of bodies on the ground with each other, with what flies low, and with solids.
 
-    def __init__(self, radii: Floats, reach: float, near: Neighbours, machine: Machine) -> None:
-        self.radii = radii
+    radii: of the bodies, m
+    reach: greatest distance of a solid that a body can touch within one tick, m
+    flight: whoever flies, and meets nobody itself: what it touches, `crashes` finds out
+    """
+
+    def __init__(
+        self, radii: Floats, reach: float, near: Neighbours, machine: Machine, flight: Flying | None = None
+    ) -> None:
+        self.radii, self._flight = radii, flight
         alike = radii.min(initial=np.inf) == radii.max(initial=0.0)
         self.of_each = radii[:1].copy() if alike else radii
         """Radii by body, or one for all, m."""
         self._near, self._machine, self.reach = near, machine, reach
 
     def settle(self, x: Floats, y: Floats, dx: Floats, dy: Floats, settled: Settled) -> None:
-        """Write into `settled` how far bodies at x, y (m) get along `dx` and `dy` (m)."""
+        """Write into `settled` how far bodies at x, y (m) get along `dx` and `dy` (m); what flies has moved already."""
         near, listed = self._near, self._near.solids(self.reach)
+        if self._flight:
+            dx, dy = (np.where(self._flight.flies, 0.0, each) for each in (dx, dy))
         every_x, every_y, of = near.images(x, y)
         radii = self.of_each[of] if len(self.of_each) > 1 else self.of_each
         every = settled if len(every_x) == len(x) else Settled(*np.empty((3, len(every_x))))
@@ -205,6 +227,9 @@ class Bumpers:
         if every is not settled:
             for mine, each in zip(settled, every, strict=True):
                 mine[:] = each[: len(x)]
+        if self._flight:
+            for column, nothing in zip(settled, (1.0, 0.0, 0.0), strict=True):
+                column[self._flight.flies] = nothing
 
     def part(
         self, x: Floats, y: Floats, anew: Callable[[int], tuple[Floats, Floats]], given: NDArray[np.bool_]
@@ -215,6 +240,8 @@ class Bumpers:
         wide = self._near.grid  # the sonars' cells would give too many pairs in a full room
         fine = grid_over(wide.columns * wide.size, wide.rows * wide.size, CELL * self.radii.max(), len(x))
         for attempt in range(MAX_ATTEMPTS):
+            if self._flight:
+                self._flight.stand()
             i, j = self._overlapping(fine, x, y)
             inside = self._in_solids(x, y)
             wrong = _distinct(len(x), i[np.where(given[i] == given[j], i > j, given[j])], inside)
@@ -250,7 +277,7 @@ class Bumpers:
 
     def _overlapping(self, fine: Grid, x: Floats, y: Floats) -> tuple[Whole, Whole]:
         """Bodies that overlap, each pair in both orders."""
-        every, radii = np.arange(len(x)), self.radii
+        every, radii, place = np.arange(len(x)), self.radii, (x, y)
         self._near.forget()
         images = self._near.images(x, y)
         x, y = images.x, images.y
@@ -263,10 +290,11 @@ class Bumpers:
         if radii.min() < radii.max():
             close = np.hypot(x[i] - x[j], y[i] - y[j]) <= radii[i] + radii[images.of][j] + SKIN
             i, j = i[close], j[close]
-        return i, images.whose(j)
+        j = images.whose(j)
+        return (i, j) if self._flight is None else _meeting(self._flight, *place, i, j)
 
     def _in_solids(self, x: Floats, y: Floats) -> Whole:
-        """Bodies that something solid is too near to."""
+        """Bodies on the ground that something solid is too near to."""
         every, radii = np.arange(len(x)), self.radii
         images = self._near.images(x, y)
         x, y = images.x[: len(radii)], images.y[: len(radii)]
@@ -274,7 +302,17 @@ class Bumpers:
         cell = self._near.grid.cells_of(x, y)
         k, item = spread(every, listed.start[cell], listed.start[cell + 1])
         lines = solids[listed.items[item]]
-        return _distinct(len(x), k[distance(x[k], y[k], *lines[:, :4].T) < radii[k] + lines[:, 4] + SKIN])
+        inside = distance(x[k], y[k], *lines[:, :4].T) < radii[k] + lines[:, 4] + SKIN
+        if self._flight:
+            inside &= ~self._flight.flies[k]
+        return _distinct(len(x), k[inside])
+
+
+def _meeting(flight: Flying, x: Floats, y: Floats, i: Whole, j: Whole) -> tuple[Whole, Whole]:
+    """Those of these pairs, of bodies at x, y (m), of which one is on the ground and the other as low."""
+    low = flight.low(x, y)
+    meet = low[i] & low[j] & ~(flight.flies[i] & flight.flies[j])
+    return i[meet], j[meet]
 
 
 def _distinct(count: int, *indices: Whole) -> Whole:

@@ -107,6 +107,10 @@ def read_flight(robots: Table, limits: Limits, size: tuple[float, float]) -> tup
     for key, why in (("wheels", "go on wheels"), ("sonar", "have sonars")):
         if robots.has(key):
             raise robots.error(key, f"robots that fly do not {why}: leave this out, or [robots.flight]")
+    body = robots.table("body")
+    for key in ("bumpers", "sonars"):
+        if body.whole(key, 0, low=0, high=360):
+            raise body.error(key, f"robots that fly have no {key}: leave this out, or [robots.flight]")
     with robots.table("flight") as table:
         climb = table.number("climb", SPEED, low=1e-3, high=100.0)
         floor = table.number("floor", LENGTH, 0.5, low=0.0, high=HIGHEST)

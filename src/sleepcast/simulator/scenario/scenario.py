@@ -317,9 +317,6 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> t
         operators = read_operators(root)
         refuse_robots(root, operators, names_of(specs, robots.count))
         refuse_equal_names(given_names(specs, robots.count), (row for some in rows for row in some or ()))
-        for table, spec in zip(tables, specs, strict=True):
-            if robots.flight and (spec.bumpers or spec.geometry.sonars):
-                raise table.error("body", "robots that fly, and those beside them, have no bumpers and no sonars")
         areas = read_areas(root, size)
         taken += [store.name for store in robots.stores]
         stocks = read_stocks(root, size, robots.stores, taken)

@@ -132,13 +132,13 @@ class Fields:
         order, start = view.points
         sorted_poses = arena.take(np.float64, 4, len(order))
         short = arena.take(np.float32, 2, len(order) + LANES)
-        short[:, len(order) :] = AWAY
 
         def work(first: int, last: int) -> None:
             kernels.arrange(order, *view.pose, first, last, sorted_poses)
             short[:, first:last] = sorted_poses[:2, first:last]
 
         share(len(order), work)
+        short[:, start[-1] :] = AWAY  # also of whoever is in no cell: kernels read LANES at once
         radii = np.array([view.cones.radius]) if view.radii is None else view.radii[order]
         listed, grid = view.listed, view.grid
         x, y, cosines, sines = sorted_poses

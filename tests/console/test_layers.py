@@ -220,7 +220,7 @@ async (groups) => {
   const { View } = await import("/static/view.js");
   const count = 8000;
   const side = 100;
-  const frame = { count, poses: new Float32Array(3 * count) };
+  const frame = { count, poses: new Float32Array(3 * count), flags: new Uint8Array(count) };
   frame.groups = new Uint8Array(count);
   for (let i = 0; i < count; i += 1) frame.poses.set([(i % side) + 0.5, Math.floor(i / side) + 0.5, 0], 3 * i);
   for (let group = 1; group <= groups; group += 1) frame.groups[side * 40 + 5 * group] = group;

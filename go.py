@@ -20,7 +20,10 @@ import os
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import subprocess
 
 ROOT = Path(__file__).resolve().parent
 VENV = ROOT / ".venv"
@@ -39,10 +42,14 @@ def refusal(sentence: str, code: int = 2) -> SystemExit:
 
 def run(*command: str, aside: bool = False) -> bool:
     """Run a module of the environment; true if it succeeded. aside: what it prints is no result."""
+    return started(*command, stdout=sys.stderr if aside else None).wait() == 0
+
+
+def started(*command: str, **streams: Any) -> "subprocess.Popen[bytes]":
+    """Let a module of the environment run in a process beside this one, which it gives."""
     import subprocess
 
-    output = sys.stderr if aside else None
-    return subprocess.run([PYTHON, "-m", *command], cwd=ROOT, stdout=output, check=False).returncode == 0
+    return subprocess.Popen([PYTHON, "-m", *command], cwd=ROOT, **streams)
 
 
 def make_environment(folder: Path) -> None:
@@ -226,8 +233,8 @@ def test(*pytest_options: str) -> int:
     # mypy needs one core only, so it works beside the others, and is heard only if it finds something.
     with tempfile.TemporaryFile("w+") as found:
         print("== mypy, beside the others", flush=True)
-        types = subprocess.Popen([PYTHON, "-m", "mypy"], cwd=ROOT, stdout=found, stderr=subprocess.STDOUT)
-        run("sleepcast", "prepare", "--quiet", aside=True)  # else several processes of pytest would compile the same
+        types = started("mypy", stdout=found, stderr=subprocess.STDOUT)
+        compile_for_tests(types)
         for check in (("ruff", "format", "--check"), ("ruff", "check"), ("pytest", *spread, *pytest_options)):
             print("==", *check, flush=True)
             if not run(*check):
@@ -239,6 +246,20 @@ def test(*pytest_options: str) -> int:
     if failed:
         print("failed:", *failed, sep="\n  ", file=sys.stderr)
     return 1 if failed else 0
+
+
+def compile_for_tests(types: "subprocess.Popen[bytes]") -> None:
+    """Let the program compile its kernels, and Python the tests as soon as mypy leaves it the other core: else
+    several processes of pytest would compile the same. types: mypy's process."""
+    import subprocess
+    import time
+
+    preparing = started("sleepcast", "prepare", "--quiet", stdout=sys.stderr)
+    while preparing.poll() is None and types.poll() is None:
+        time.sleep(0.1)
+    if preparing.poll() is None:
+        started("pytest", "--collect-only", "-qq", stdout=subprocess.DEVNULL).wait()
+    preparing.wait()
 
 
 def tool_environment(name: str, *what: str) -> Path:

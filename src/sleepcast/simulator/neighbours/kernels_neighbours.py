@@ -373,11 +373,13 @@ def directions(vicinity, ball, quantity, row, first, mask, lanes, within, colour
 def ask(vicinity, ball, quantity, fold, frame, row, robot, within, colour):
     """What a formula comes to for one robot, NaN for unknown. within: see `square_within`."""
     if fold == OUTLIER:
-        across, _, count, _ = gather(vicinity, ball, DX, TOTAL, 0, robot, within, colour, 0.0, 0.0, 0)
-        up, _, _, _ = gather(vicinity, ball, DY, TOTAL, 0, robot, within, colour, 0.0, 0.0, 0)
+        # Not as literals, for each of which numba would compile `gather` once more.
+        across_x, across_y, total, none = np.int64(DX), np.int64(DY), np.int64(TOTAL), np.int64(0)
+        across, _, count, _ = gather(vicinity, ball, across_x, total, none, robot, within, colour, 0.0, 0.0, 0)
+        up, _, _, _ = gather(vicinity, ball, across_y, total, none, robot, within, colour, 0.0, 0.0, 0)
         least = max(count, 1.0)
         found, _, count, _ = gather(
-            vicinity, ball, quantity, OUTLIER, 0, robot, within, colour, across / least, up / least, 0
+            vicinity, ball, quantity, fold, none, robot, within, colour, across / least, up / least, 0
         )
     else:
         found, other, count, best = gather(vicinity, ball, quantity, fold, row, robot, within, colour, 0.0, 0.0, 0)

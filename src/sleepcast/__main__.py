@@ -19,11 +19,6 @@ from typing import NoReturn
 USUAL = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
 """What signals do, unless the process was started with another setting, which is kept."""
 
-_GARBAGE = (100_000, 20, 20)
-"""How many new objects Python looks for garbage after, and how often it looks at older ones: libraries, and the robots
-of a fleet, are made of objects that stay. With Python's own numbers the search is a tenth of a short command; a run of
-few robots ends before the first one."""
-
 
 def run() -> NoReturn:
     """Load and run the command, and end the process. As Python would, it waits for threads that still work, lets those
@@ -43,7 +38,9 @@ def run() -> NoReturn:
 def start() -> int:
     """Load the command and run it on this process's arguments; gives the exit status."""
     _import_nothing_from_here()
-    gc.set_threshold(*_GARBAGE)
+    from sleepcast.core.garbage import SELDOM
+
+    gc.set_threshold(*SELDOM)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # nothing here multiplies matrices, and threads take time
     ours = [each for each, usual in USUAL.items() if signal.getsignal(each) is usual]
     for each in ours:

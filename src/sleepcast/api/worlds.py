@@ -26,6 +26,7 @@ from sleepcast.api.resting import KeptWorld, WorldStart
 from sleepcast.api.results import CommandResult
 from sleepcast.api.table import DataTable, Numbers, Texts
 from sleepcast.core.errors import MisuseError, SleepcastError, reason_of
+from sleepcast.core.garbage import sought_seldom
 from sleepcast.core.given_numbers import in_seconds, read_seconds, read_seed, whole_number
 from sleepcast.core.threads import ThreadPool, borders
 from sleepcast.core.ticks import nearest_ticks
@@ -124,7 +125,8 @@ class Worlds:
                 except Exception as error:
                     self._fail(number, error)
 
-        self._pool.share(work, borders(len(worlds), self._pool.threads))
+        with sought_seldom():
+            self._pool.share(work, borders(len(worlds), self._pool.threads))
 
     # ---- time
 

@@ -38,13 +38,13 @@ def run() -> NoReturn:
 def start() -> int:
     """Load the command and run it on this process's arguments; gives the exit status."""
     _import_nothing_from_here()
-    from sleepcast.core.garbage import SELDOM
-
-    gc.set_threshold(*SELDOM)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # nothing here multiplies matrices, and threads take time
     ours = [each for each, usual in USUAL.items() if signal.getsignal(each) is usual]
     for each in ours:
         signal.signal(each, lambda number, frame: os._exit(128 + number))
+    from sleepcast.core.garbage import SELDOM
+
+    gc.set_threshold(*SELDOM)
     from sleepcast.cli import main
     from sleepcast.cli.interrupts import terminate
 

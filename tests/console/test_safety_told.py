@@ -17,9 +17,11 @@ from sleepcast.console.outgoing import Safety, WatchedRobot
 from sleepcast.core.clock import ManualClock
 from sleepcast.loop import Pace, Swarm
 from sleepcast.mind.authority import AT_REST
-from sleepcast.robot import REACHED_AGAIN, hovering
+from sleepcast.robot import FENCE_AHEAD, REACHED_AGAIN, brought_to_rest, hovering
 from sleepcast.simulator import read_scenario
+from sleepcast.simulator.bodies.fences import HELD_BACK
 from sleepcast.simulator.bodies.links import LOST
+from sleepcast.simulator.motion.flying import AT_FENCE
 from swarms import desk_of, swarm_of
 
 SKY = """
@@ -180,3 +182,45 @@ def test_a_wind_that_is_too_fast_is_told() -> None:
     sky.swarm.run(1.0)
     carried = ["is carried away: the wind is faster than it flies"]
     assert (sky.told(COPTER), sky.told(PLANE), sky.told(TINY)) == (carried, [], carried)
+
+
+@pytest.mark.parametrize(
+    ("robot", "order", "sentence"),
+    [
+        (COPTER, "(SETQ drive_speed -5m/s)", brought_to_rest(FENCE_AHEAD)),
+        (TINY, "(SETQ drive_side -1m/s)", brought_to_rest(FENCE_AHEAD)),
+        (COPTER, "(SETQ drive_speed -5m/s) (SETQ drive_side 1m/s)", HELD_BACK),
+    ],
+)
+def test_what_is_driven_against_its_fence_says_so_once_in_the_words_of_the_bridges(
+    robot: int, order: str, sentence: str
+) -> None:
+    sky = stand()
+    put(sky.page, Send, 1, f"(RULE on (WHEN (= id {robot + 1}) {order}))", True)
+    simulator = sky.swarm.simulator
+    for _ in range(400):
+        sky.swarm.step()
+        if min(simulator.x[robot], simulator.y[robot]) <= AT_FENCE:
+            break
+        assert sky.told(robot) == []
+    assert sky.told(robot) == [sentence]
+    sky.swarm.run(8.0)
+    assert sky.told(robot) == [sentence]
+
+
+def test_who_comes_back_to_its_fence_is_told_again_but_not_all_the_time() -> None:
+    sky, held = stand(('x = "10m"', 'x = "1m"')), brought_to_rest(FENCE_AHEAD)
+
+    def drive(speed: float, seconds: float) -> list[str]:
+        put(sky.page, Send, 1, f"(WHEN (= id 3) (SETQ drive_speed {speed}m/s))", True)
+        sky.swarm.run(seconds)
+        return sky.told(TINY)
+
+    assert drive(-0.2, 4.0) == []
+    assert drive(-0.2, 2.0) == [held]
+    assert drive(0.2, 1.0) == [held]
+    assert drive(-0.2, 2.0) == [held]
+    assert sky.swarm.simulator.x[TINY] == 0.0, "it has gone, and is there again"
+    assert drive(0.2, 1.0) == [held]
+    assert drive(0.0, 5.0) == [held]
+    assert drive(-0.2, 2.0) == [held, held]

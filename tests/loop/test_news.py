@@ -6,7 +6,7 @@ from pathlib import Path
 
 import sleepcast as sc
 from sleepcast.loop import Swarm, resume, snapshot
-from sleepcast.robot import hovering
+from sleepcast.robot import FENCE_AHEAD, brought_to_rest, hovering
 from sleepcast.simulator import read_scenario
 from sleepcast.simulator.recording.foxglove import read_log
 from sleepcast.simulator.recording.recorder import LOG
@@ -64,6 +64,20 @@ def test_a_snapshot_between_an_event_and_its_report_holds_it() -> None:
         each.run(12.0)
     assert snapshot(other) == snapshot(swarm)
     assert heard(other)[0] == (1.1, "a", hovering.LOCKED_MOTORS)
+
+
+def test_a_snapshot_holds_who_was_told_that_its_fence_is_ahead() -> None:
+    swarm = swarm_of(read_scenario(SKY.replace('"9s"', '"1min"')))
+    desk_of(swarm).send("(RULE on (WHEN (= id 3) (SETQ drive_speed 1m/s)))", everybody=True)
+    while not heard(swarm):
+        swarm.step()
+    swarm.run(1.0)
+    other = resume(snapshot(swarm), desk=station_of)
+    for each in (swarm, other):
+        each.run(10.0)
+    assert snapshot(other) == snapshot(swarm)
+    assert [label for _, _, label in heard(swarm)] == [brought_to_rest(FENCE_AHEAD)]
+    assert heard(other) == heard(swarm), "it was told before"
 
 
 def test_a_recording_has_each_of_them_once_and_what_robots_speak_too(tmp_path: Path) -> None:

@@ -9,7 +9,9 @@ from hypothesis import strategies as st
 from loop.test_quiet import LAST, LOOKS, at_once, few, singly
 from sleepcast.loop import Swarm, snapshot
 from sleepcast.loop.quiet import QuietTicks
+from sleepcast.robot import FENCE_AHEAD, brought_to_rest
 from sleepcast.simulator import Wall, read_scenario
+from sleepcast.simulator.bodies.fences import HELD_BACK
 from swarms import desk_of, swarm_of
 
 pytest.importorskip("numba")
@@ -73,6 +75,10 @@ def test_who_touches_in_a_quiet_tick_crashes_as_always(edge: str) -> None:
     assert swarm.quiet.ticks >= 0.8 * LAST
     assert expected.quiet.ticks == 0
     assert 3 < crashed(swarm) < 40
+    reports = [(each.heard, each.robot, each.body["label"]) for each in desk_of(swarm).reports]
+    assert reports == [(each.heard, each.robot, each.body["label"]) for each in desk_of(expected).reports]
+    told = {label for _, _, label in reports}
+    assert told & {brought_to_rest(FENCE_AHEAD), HELD_BACK} if edge == "" else not told & {HELD_BACK}
 
 
 @pytest.mark.parametrize("threads", [1, 2])

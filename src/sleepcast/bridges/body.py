@@ -41,15 +41,18 @@ from sleepcast.core.model import RestState
 from sleepcast.core.records import dataclass
 from sleepcast.robot import (
     DOES_NOTHING,
+    FENCE_AHEAD,
     FRESH,
     OUT_OF_REACH,
     REACHED_AGAIN,
+    TELL_AGAIN,
     FencedError,
     Limits,
     OutOfReachError,
     Reading,
     RobotModel,
     Setpoint,
+    brought_to_rest,
     rest_state_of,
 )
 
@@ -67,8 +70,6 @@ MAX_JOBS = 64
 """Things to be done that wait for the I/O thread; what finds no room is refused, and the language counts a fault."""
 MAX_COMPLAINTS = 100
 """Sentences that wait to be read; the oldest go."""
-TELL_AGAIN = 5.0
-"""Seconds for which what has brought it to rest again and again is told once."""
 LAG = 0.25
 """Seconds from a look at what is ahead to when what follows from it is done: two rounds, and ticks of the robot."""
 STANDSTILL, SLOWEST = 0.05, 0.05
@@ -475,7 +476,7 @@ class BridgedBody(ABC):
         if why:
             self._motion = REST
             if why != self._kept_back or now - self._kept_at > TELL_AGAIN:
-                self.complain(f"it is at rest: {why}")
+                self.complain(brought_to_rest(why))
             self._kept_back, self._kept_at = why, now
 
     def _why_not(self, motion: Motion) -> str:
@@ -518,7 +519,7 @@ class BridgedBody(ABC):
             return ""
         if not self.model.limits.without_fence.may_go_on(*ahead):
             return f"less than its least range of {self.model.limits.least_range:g} m is known to be free ahead"
-        return "its fence is ahead"
+        return FENCE_AHEAD
 
     def _lose(self, why: Exception) -> None:
         """The robot is gone: nothing that is wanted of it now will be wanted when it is back."""

@@ -50,6 +50,15 @@ NOBODY_DRIVES = "nobody drives it any more"
 """How the sentences begin that say what it does then."""
 DOES_NOTHING = f"{OUT_OF_REACH}, and does nothing"
 REACHED_AGAIN = "the body is within reach again, and at rest until a command moves it"
+FENCE_AHEAD = "its fence is ahead"
+"""Why a body comes to rest, or goes on along its fence."""
+TELL_AGAIN = 5.0
+"""Seconds for which what has brought a body to rest again and again is told once."""
+
+
+def brought_to_rest(why: str) -> str:
+    """The sentence that says what has brought a body to rest, such as `FENCE_AHEAD`."""
+    return f"it is at rest: {why}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,6 +20,7 @@ from sleepcast.simulator.bodies.bodies import TURN, Bodies, Flags, Floats, Mode,
 from sleepcast.simulator.bodies.body import TUMBLE, Body, BodySenses, FlyingBody, model_of
 from sleepcast.simulator.bodies.closeness import Closeness
 from sleepcast.simulator.bodies.crashes import crash
+from sleepcast.simulator.bodies.fences import Fences
 from sleepcast.simulator.bodies.links import Links
 from sleepcast.simulator.bodies.looking_down import DownCameras
 from sleepcast.simulator.bodies.particles import Particles
@@ -120,6 +121,8 @@ class Simulator:
             Supplies(self.bodies, flight, refilled=bool(scenario.stocks or payload)) if flight and uses_up else None
         )
         """Of flying bodies; None without any that could be used up."""
+        self.fences = Fences(self.bodies, flight) if flight and self.closeness and not scenario.torus else None
+        """Of flying bodies; None without any that could come to one."""
         self._pinged = np.zeros(self.bodies.count, np.uint8)
         self.measuring = Measuring(scenario.measures, scenario.tick, self.bodies.x, self.bodies.y, self._there)
         self._halted = np.zeros(self.bodies.count, bool)
@@ -215,6 +218,8 @@ class Simulator:
             self.payload.read(self._payload_rows)
         if self.supplies:
             self.supplies.look()
+        if self.fences:
+            self.fences.look()
         if self.scenario.measures:
             self.measuring.observe(self.tick, self.time)
 
@@ -295,6 +300,8 @@ class Simulator:
         self.senses.turn_over(turnover)
         if self.supplies:
             self.supplies.turn_over(turnover.changed)
+        if self.fences:
+            self.fences.turn_over(turnover.changed)
         self._pinged[turnover.dead] = 0
         if isinstance(self.names, NamesByRow):
             self.names = self.names.after(turnover.dead, turnover.children, turnover.numbers)

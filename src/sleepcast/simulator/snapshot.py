@@ -72,6 +72,7 @@ class SimulatorState(msgspec.Struct):
     population: see `Population`: the number in each row, and the next one; None where robots do not come and go
     awaited, added: see `Population`
     news: as `said`, what has befallen bodies since the last tick
+    fenced: see `Fences.state`
     """
 
     scenario: bytes
@@ -86,6 +87,7 @@ class SimulatorState(msgspec.Struct):
     awaited: list[int] = []
     added: int = 0
     news: list[tuple[float, int, str]] = []
+    fenced: list[tuple[int, float, bool]] = []
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +119,7 @@ def state_of(simulator: Simulator, *, whole: bool = True) -> SimulatorState:
         [] if population is None else population.awaited,
         0 if population is None else population.added,
         [(saying.time, saying.robot, saying.text) for saying in simulator.news],
+        [] if simulator.fences is None else simulator.fences.state,
     )
 
 
@@ -168,6 +171,10 @@ def restore(simulator: Simulator, state: SimulatorState) -> None:
         simulator.links.look(state.tick)
     if simulator.supplies is not None:
         simulator.supplies.go_on()
+    if any(not 0 <= robot < bodies.count for robot, _, _ in state.fenced):
+        raise SerialError("a robot at its fence that is not there")
+    if simulator.fences is not None:
+        simulator.fences.go_on(state.fenced)
     if simulator.population is not None:
         _populate(simulator, state)
     bodies.forget()

@@ -130,6 +130,11 @@ class Flight:
         return FlightLaws(**some, edges=(left, bottom, right, top), tick=laws.tick)
 
     @property
+    def edges(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """Left, bottom, right and top ones between which the middle of each body flies, m."""
+        return self._all_laws.edges
+
+    @property
     def columns(self) -> dict[str, NDArray[np.generic]]:
         """The arrays that a run changes, by name, besides what bodies sense."""
         names = ("velocity_x", "velocity_y", "wanted_side", "wanted_climb", "target_z", "locked")

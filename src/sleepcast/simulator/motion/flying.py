@@ -25,6 +25,8 @@ FASTEST = 1e100
 """m/s that may be wanted of a body: the square of a greater speed is no number."""
 LANDS = -np.inf
 """The height to which a body goes that lands."""
+AT_FENCE = 1e-3
+"""m to an edge within which a body counts as at its fence: before it, it still comes nearer."""
 
 
 class VectorLaws(Protocol):

@@ -13,6 +13,7 @@ import numpy as np
 
 from sleepcast.simulator.motion.driving import DRIVE, GOTO, bounded
 from sleepcast.simulator.motion.flying import (
+    AT_FENCE,
     FORMULAS,
     LANDS,
     climb_for,
@@ -76,6 +77,24 @@ def fly(bodies, laws, power, first, last):
                 spend(stores[store], uses[store], room, begin, end)
         if battery >= 0:
             discharge(stores[battery], per_second * laws.tick, per_climb, room, begin, end)
+
+
+@strict
+def at_fence(bodies, laws, told, first, last):
+    """How many of these bodies may be held by their fence since the tick that is over, of those that were not `told`
+    of; who is not driven there any more is not. See `fences.Fences`, which looks more closely."""
+    mode, held, wanted_speed, wanted_side = bodies[0], bodies[1], bodies[2], bodies[4]
+    x, y, armed = bodies[9], bodies[10], bodies[16]
+    left, bottom, right, top = laws.edges
+    found = 0
+    for i in range(first, last):
+        room = min(min(x[i] - left, right - x[i]), min(y[i] - bottom, top - y[i]))
+        driven = mode[i] == DRIVE and not held[i] and (wanted_speed[i] != 0.0 or wanted_side[i] != 0.0)
+        if not (room <= AT_FENCE and driven and armed[i] > 0.0):
+            told[i] = False
+        elif not told[i]:
+            found += 1
+    return found
 
 
 @part

@@ -46,7 +46,7 @@ CALLED: tuple[CachedKernel, ...] = (
     *(fast.kernels_motion.stop_at_old, fast.kernels_motion.stop_at_ways),
     *(fast.kernels.count, fast.kernels.begin, fast.kernels.place, fast.kernels.fix),
     *(fast.kernels_sonar.see, fast.kernels.hear, fast.kernels_motion.slide, fast.kernels_motion.displace),
-    *(fast.kernels_flying.fly, kernels_touching.touching),
+    *(fast.kernels_flying.fly, kernels_touching.touching, fast.kernels_flying.at_fence),
 )
 """The kernels that a tick calls, in the order of `layout`."""
 
@@ -155,7 +155,7 @@ class BodyBlock:
         self._simulator, self._bodies = simulator, simulator.bodies
         bodies, grid = self._bodies, self._bodies.near.grid
         self.flies = bodies.flight is not None
-        """Whether its bodies do: then ticks end early where they may have touched."""
+        """Whether its bodies do: then ticks end early where they may have touched, or come to their fence."""
         last = words.KERNELS if self.flies else words.FLY if bodies.laws.slides else words.SLIDE
         self.words: Words = np.zeros(words.BLOCKS[last], np.int64)
         self._reals = self.words.view(np.float64)
@@ -264,7 +264,8 @@ class BodyBlock:
 
     @property
     def touched(self) -> bool:
-        """Whether bodies may have touched in the tick after those, of which only the motion was made."""
+        """Whether bodies may have touched or come to their fence in the tick after those, of which only the motion was
+        made."""
         return int(self.words[words.TROUBLE]) == words.TOUCHED
 
     @property
@@ -352,6 +353,11 @@ class BodyBlock:
             ((laws, power, which),) = bodies.flight.hovering
             own[words.FLIES] = 1
             self._call(words.FLY, bodies.flight.flight_columns, laws, power, which.start, which.stop)
+            fences = self._simulator.fences
+            own[words.FENCED] = fences is not None
+            if fences is not None:
+                told = bodies.flight.flight_columns, laws, fences.told, which.start, which.stop
+                self._call(words.EDGES, *told)
 
     def _fill_pairs(self) -> None:
         """Bodies that may touch are listed in arrays that grow."""

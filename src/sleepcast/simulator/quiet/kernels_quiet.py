@@ -26,6 +26,7 @@ from sleepcast.simulator.quiet.layout import (
     AT_COMMIT,
     AT_COUNT_CELLS,
     AT_DISPLACE,
+    AT_EDGES,
     AT_FIX,
     AT_FLY,
     AT_GATHER,
@@ -58,7 +59,9 @@ from sleepcast.simulator.quiet.layout import (
     DROPOUT,
     ECHO,
     ECHOES,
+    EDGES,
     EVERY,
+    FENCED,
     FIX,
     FLIES,
     FLY,
@@ -144,6 +147,7 @@ count_cells, begin = calling(types.none, TYPES[COUNT_CELLS]), calling(types.none
 place, fix = calling(types.none, TYPES[PLACE]), calling(types.none, TYPES[FIX])
 see, hear = calling(types.none, TYPES[SEE]), calling(types.none, TYPES[HEAR])
 fly, touching = calling(types.none, TYPES[FLY]), calling(types.int64, TYPES[TOUCHING])
+at_fence = calling(types.int64, TYPES[EDGES])
 slide, displace = calling(types.int64, TYPES[SLIDE]), calling(types.none, TYPES[DISPLACE])
 
 
@@ -151,7 +155,7 @@ slide, displace = calling(types.int64, TYPES[SLIDE]), calling(types.none, TYPES[
 def quiet(table, kernels, first, last):
     """Let the worlds from `first` to `last` (exclusive) make the ticks that they are to make. table: the addresses of
     their words; kernels: those of the kernels. A world stops early where robots have to be walked, or
-    may have touched in the air."""
+    may have touched in the air or come to their fence."""
     for number in range(first, last):
         w = table[number]
         put_word(w, DONE, 0)
@@ -205,9 +209,12 @@ def advance(w, kernels):
         slide_on(w, kernels)
     drain(w)
     put_word(w, TICK, word(w, TICK) + 1)
-    if word(w, FLIES) and touching(kernels[TOUCHING], w + 8 * AT_TOUCHING):
-        put_word(w, TROUBLE, TOUCHED)
-        return
+    if word(w, FLIES):
+        touched = touching(kernels[TOUCHING], w + 8 * AT_TOUCHING) != 0
+        held = word(w, FENCED) != 0 and at_fence(kernels[EDGES], w + 8 * AT_EDGES) != 0
+        if touched or held:
+            put_word(w, TROUBLE, TOUCHED)
+            return
     senses = word(w, SENSES)
     for number in range(word(senses, 0)):
         call_once(word(senses, 2 * number + 1), word(senses, 2 * number + 2))

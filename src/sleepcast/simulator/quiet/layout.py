@@ -20,9 +20,9 @@ _TYPE_LAWS, _POWER = TypeLaws._make((*[0.0] * 7, (0.0,) * 4, *[0.0] * 3)), Power
 _AIRBORNE, _PAIRS = Airborne._make((*[_R] * 8, *[0.0] * 3)), NearPairs(_S2, _R, _R, _R, _B, _W, _R, _R2, _S, _S, _S)
 
 PROPOSE, COMMIT, GATHER, STOP_AT_OLD, STOP_AT_WAYS, COUNT_CELLS, BEGIN, PLACE, FIX, SEE, HEAR = range(11)
-SLIDE, DISPLACE, FLY, TOUCHING = range(11, 15)
-"""The kernels that a tick calls: the last two where something flies."""
-KERNELS = 15
+SLIDE, DISPLACE, FLY, TOUCHING, EDGES = range(11, 16)
+"""The kernels that a tick calls: the last three where something flies."""
+KERNELS = 16
 SAMPLES: tuple[tuple[object, ...], ...] = (
     (_COLUMNS, _LAWS, np.uint64(0), np.uint64(0), np.uint64(0), _WAYS, 0, 0),
     (_COLUMNS, _LAWS, _WAYS, _R, _R, _R, 0, 0),
@@ -42,6 +42,7 @@ SAMPLES: tuple[tuple[object, ...], ...] = (
     (_COLUMNS, _LAWS, _WAYS, _R, _R, 0, 0),
     (_FLIERS, _TYPE_LAWS, _POWER, 0, 0),
     (_AIRBORNE, _PAIRS),
+    (_FLIERS, _TYPE_LAWS, _B, 0, 0),
 )
 """Arguments of each of them, for their types."""
 
@@ -58,7 +59,7 @@ def _size(value: object) -> int:
 TICK, TICKS, DONE, TROUBLE, COUNT, STEP = range(6)
 """The number of the tick that bodies are in; ticks that are to be made, and that are made; why the tick after those is
 not finished: the leg, from 1, whose rules have left robots to be walked, or TOUCHED where bodies may have touched in
-the air, else 0; the number of robots; s of a tick."""
+the air or come to their fence, else 0; the number of robots; s of a tick."""
 TOUCHED = -1
 ACTS, STOPPED, MODE = range(6, 9)
 """The address of the actuators that rules assign: how many, then of each the addresses of its values, of who has
@@ -92,7 +93,9 @@ EVERY, MOVES, HEARD = range(48, 51)
 how many words; whether sonars are wanted then, all of them."""
 FLIES = 51
 """Whether bodies hover."""
-HEADER = 52
+FENCED = 52
+"""Whether they have a fence."""
+HEADER = 53
 BLOCKS = tuple(HEADER + sum(sum(map(_size, each)) for each in SAMPLES[:number]) for number in range(KERNELS + 1))
 """Where the arguments of each kernel begin, and the end."""
 LENGTH = BLOCKS[-1]
@@ -125,6 +128,7 @@ ECHO, DROPOUT, WANTED_ROWS = _at(HEAR, 2) + 2, _at(HEAR, 2) + 3, _at(HEAR, 6)
     AT_DISPLACE,
     AT_FLY,
     AT_TOUCHING,
+    AT_EDGES,
     _,
 ) = BLOCKS
 # ---- what is drawn in a tick

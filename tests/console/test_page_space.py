@@ -69,6 +69,14 @@ def copters(yard: Program, context: BrowserContext) -> Iterator[Page]:
     yield from opened(yard, context)
 
 
+@pytest.fixture
+def wrecks(tmp_path: Path, context: BrowserContext) -> Iterator[Page]:
+    """The page of those, of which the second has touched the third, and both have crashed."""
+    beside = COPTERS.replace('{ x = "31m", y = "20m", z = "10m" }', '{ x = "50.5m", y = "20m", z = "20m" }')
+    with page_of(tmp_path, beside) as started:
+        yield from opened(started, context)
+
+
 @pytest.fixture(scope="module")
 def hills(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
     """The same three over ground that rises by 16 m to the east, half of it in the middle."""
@@ -240,11 +248,11 @@ def shades(page: Page) -> set[tuple[int, ...]]:
         return {colour for _, colour in row.getcolors(image.width) or ()}
 
 
-def colours_of(page: Page) -> set[str]:
-    """The colours that fill much of the view."""
+def colours_of(page: Page, least: int = 1001) -> set[str]:
+    """The colours that fill much of the view: so many pixels."""
     with Image.open(BytesIO(page.locator(".space-map").screenshot())) as image:
         counts = image.convert("RGB").getcolors(image.width * image.height)
-    return {f"#{bytes(colour).hex()}" for count, colour in counts if count > 1000}
+    return {f"#{bytes(colour).hex()}" for count, colour in counts if count >= least}
 
 
 def calculated(page: Page, module: str, script: str) -> Any:
@@ -262,7 +270,8 @@ def test_forms_and_the_camera_are_right(rovers: Page) -> None:
         )""",
     )
     assert counts == [29, 4, 16, 6, 10, 3]
-    assert max(counts) <= 60
+    cross = calculated(rovers, "forms", "(f) => f.cross().triangles.length / 3")
+    assert max(counts) + cross <= 60
 
     square, hole, island = ([[a, a], [b, a], [b, b], [a, b]] for a, b in ((0, 10), (2, 8), (4, 6)))
     given = calculated(
@@ -315,6 +324,19 @@ def test_forms_and_the_camera_are_right(rovers: Page) -> None:
     assert middle == pytest.approx([400.0, 300.0])
     assert right == pytest.approx([400.0 + 300.0 / 3.0 / math.tan(math.pi / 8.0), 300.0])
     assert len(cut) == 2, "what is behind the eye is cut off"
+
+
+@browser
+def test_who_has_crashed_has_a_cross_there_too(copters: Page, wrecks: Page) -> None:
+    def crosses(page: Page) -> bool:
+        bad = page.evaluate("getComputedStyle(document.documentElement).getPropertyValue('--bad')").strip()
+        return bad in colours_of(page, 20)
+
+    for page in (wrecks, copters):
+        page.locator("#space").click()
+        until(page, lambda page=page: len(colours_of(page)) > 1)
+    assert until(wrecks, lambda: crosses(wrecks))
+    assert not crosses(copters)
 
 
 @browser

@@ -92,6 +92,19 @@ export function farPlane() {
   return smooth(sides.flatMap(([a, b]) => [[a, b, [-0.2, 0, 0.3]], [b, a, [-0.2, 0, -0.15]]]));
 }
 
+// A cross over who has crashed, of two bars that are seen from all sides: 8 triangles of one shade.
+export function cross() {
+  const [long, wide, above] = [1.1, 0.14, 0.45];
+  const bars = [[1, 1], [1, -1]].flatMap(([x, y]) => {
+    const ends = [[-long * x, -long * y], [long * x, long * y]];
+    const level = [...ends.map(([a, b]) => [a - wide * y, b + wide * x, above]), ...[...ends].reverse().map(([a, b]) => [a + wide * y, b - wide * x, above])];
+    const upright = [...ends.map((end) => [...end, above - wide]), ...[...ends].reverse().map((end) => [...end, above + wide])];
+    return [...fan(level), ...fan(upright)];
+  });
+  const form = faceted(bars);
+  return { ...form, shades: form.shades.fill(1) };
+}
+
 // What drives: the arrow of the map, as high as wide.
 export function rover() {
   const arrow = [[1.35, 0], [-0.9, 0.8], [-0.45, 0], [-0.9, -0.8]];

@@ -1,7 +1,7 @@
 // What stands and flies in the view in three dimensions, as meshes of three.js: ground, walls, robots, their shadows and
 // trails. All of it is flat colour with the shade of its form, which software draws fast; there are no lamps.
 
-import { copter, disc, farCopter, farDisc, farPlane, farRover, plane, prisms, rover } from "./forms.js";
+import { copter, cross, disc, farCopter, farDisc, farPlane, farRover, plane, prisms, rover } from "./forms.js";
 import { Herd } from "./herd.js";
 
 const FORMS = { copter: [copter, farCopter], plane: [plane, farPlane], rover: [rover, farRover] }; // near and far
@@ -44,6 +44,7 @@ export class Solids {
     this.lines = new three.LineBasicMaterial({ vertexColors: true, transparent: true, depthWrite: false });
     this.ground = this.walls = this.shadows = this.trails = null;
     this.herds = null; // what moves bodies and shadows: {bodies: by form, shadows, forms, places}
+    this.crosses = null; // what moves those over crashed bodies: {herd, room}
     this.kind = ""; // of the bodies that there are
   }
 
@@ -129,6 +130,24 @@ export class Solids {
     }
     for (const form in bodies) bodies[form].changed();
     shadows?.changed();
+  }
+
+  // crashed: places of bodies, each [x, y, z, radius to draw], m. colour: of their crosses, [red, green, blue].
+  setCrosses(crashed, colour) {
+    const room = this.crosses?.room ?? 0;
+    if (crashed.length > room || (room && !crashed.length)) this.renewCrosses(2 * crashed.length);
+    if (!this.crosses) return;
+    for (let i = 0; i < this.crosses.room; i += 1) {
+      const [x, y, z, size] = crashed[i] ?? [NaN];
+      this.crosses.herd.place(i, x, y, z, 0, size);
+      this.crosses.herd.dye(i, colour);
+    }
+    this.crosses.herd.changed();
+  }
+
+  renewCrosses(room) {
+    this.crosses = room ? { room, herd: new Herd(this.three, cross(), this.paint, room) } : null;
+    this.put("cross", this.crosses?.herd.mesh ?? null);
   }
 
   renew({ count, heights, forms: told }, near) {

@@ -6,6 +6,7 @@
 
 import { make } from "./elements.js";
 import { Fineness } from "./fineness.js";
+import { CRASHED } from "./frame.js";
 import { gestures } from "./gestures.js";
 import { drawGround, drawPlaces } from "./ground.js";
 import { keep, kept } from "./kept.js";
@@ -159,6 +160,7 @@ export class Space {
     const forms = (world.scene.forms ?? []).map((form, at) => [world.scene.sizes[at][0], form]);
     const looks = { sizes: (i) => this.radius(i), colours: this.inks(), looks: this.codes(), seen: this.seen };
     solids.setBodies({ count, poses, heights, forms, ground: (x, y) => this.ground(x, y), ...looks });
+    solids.setCrosses(this.crashed(), this.bad());
     solids.render(orbit, solids.software ? this.fineness.next(this.moves) : 1);
     this.drawOver();
   }
@@ -245,9 +247,25 @@ export class Space {
     solids.setTrails(corners, colours);
   }
 
+  // Where robots lie that have crashed, and half their lengths to draw, m.
+  crashed() {
+    const { count, poses, heights, flags } = this.world.frame;
+    const found = [];
+    for (let i = 0; i < count; i += 1) {
+      if (flags[i] & CRASHED) found.push([poses[3 * i], poses[3 * i + 1], heights?.[i] ?? 0, this.radius(i)]);
+    }
+    return found;
+  }
+
   // The palette's colours of robots as red, green and blue of 1.
   colours() {
     return this.world.colours.robots.map(parts);
+  }
+
+  // The colour of crosses, the same array while the palette is.
+  bad() {
+    if (this.drawn.marked !== this.world.colours) Object.assign(this.drawn, { marked: this.world.colours, bad: parts(this.world.colours.bad) });
+    return this.drawn.bad;
   }
 
   // The colour of each look; after those, dimmed ones and that of who is lit.

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import sleepcast as sc
 from machines import MACHINES
 from simulated import steps
 from sleepcast.core.settings import SettingsError
 from sleepcast.simulator import Scenario, Simulator, read_scenario
+from sleepcast.simulator.bodies.homes import TOO_HIGH
 from sleepcast.simulator.bodies.looking_down import DownCameras
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.packing import pack
@@ -196,6 +198,74 @@ def test_a_snapshot_holds_the_ground_and_goes_on_as_the_run_did(tmp_path: Path) 
         steps(each, 10.0)
     assert again.bodies.state_hash() == sim.bodies.state_hash()
     assert scenario_of(pack(sim.scenario)).ground == sim.scenario.ground
+
+
+def ridge(folder: Path, flight: str = 'failsafe = "rtl"', z: tuple[float, float] = (20.0, 6.0)) -> Simulator:
+    """A ridge of 12 m in the south, west of which copters are at home; one is low in the east now, where it came by way
+    of the north, and one at home. z: at which it went there, and is."""
+    across = np.interp(np.arange(100) + 0.5, (35.0, 50.0, 65.0), (0.0, 65_535.0, 0.0))
+    grey = np.tile(np.round(across).astype(np.uint16), (40, 1))
+    grey[:20] = 0
+    Image.fromarray(grey).save(folder / "hills.png")
+    text = HILLS.replace("FILE", str(folder / "hills.png")).replace('"9m"', '"6m"').replace('"20m" }]', '"6m" }]')
+    sim = Simulator(read_scenario(text.replace('like = "copter"', f'like = "copter"\nflight = {{ {flight} }}')))
+    for x, y, height in ((36.0, 35.0, z[0]), (80.0, 35.0, z[0]), (80.0, 10.0, z[1])):
+        go(sim, LOW, x, y, height)
+        steps(sim, 30.0)
+    return sim
+
+
+def test_who_returns_home_rises_over_a_hill_before_it_sets_out(tmp_path: Path) -> None:
+    sim, both = ridge(tmp_path), np.array([LOW, HIGH])
+    sim.robots.let_go(both)
+    z = []
+    while sim.x[LOW] > 79.0:
+        steps(sim, 0.1)
+        z.append(sensed(sim, "z")[LOW])
+    highest = 2.0 + 10.0 * 14.5 / 15.0
+    assert z[-1] == pytest.approx(highest + 0.5 + 2 * 0.5, abs=0.1), "over the ridge by its floor and its size"
+    steps(sim, 70.0)
+    assert (sim.x[LOW], sim.y[LOW]) == (pytest.approx(30.0, abs=0.1), pytest.approx(10.0, abs=0.1))
+    assert (sensed(sim, "height")[LOW], sensed(sim, "crashed")[LOW]) == (0.0, 0.0)
+    assert sensed(sim, "height")[HIGH] == 0.0, "at home it lands"
+
+
+def test_who_is_driven_while_it_rises_does_not_return(tmp_path: Path) -> None:
+    sim = ridge(tmp_path)
+    sim.robots.let_go(np.array([LOW]))
+    steps(sim, 2.0)
+    sim.act("drive_speed", np.array([LOW]), np.array([0.0]))
+    steps(sim, 20.0)
+    assert sim.x[LOW] > 79.0
+
+
+def test_who_cannot_rise_over_the_ground_on_its_way_home_says_so_and_lands(tmp_path: Path) -> None:
+    sim = ridge(tmp_path, 'failsafe = "rtl", ceiling = "8m"', (6.0, 6.0))
+    sim.robots.let_go(np.array([LOW]))
+    assert [each.text for each in sim.news] == ["nobody drives it any more: it returns home and lands", TOO_HIGH]
+    steps(sim, 20.0)
+    assert (sensed(sim, "height")[LOW], sensed(sim, "crashed")[LOW]) == (0.0, 0.0)
+    assert sim.x[LOW] == pytest.approx(80.0, abs=0.1)
+
+
+def test_worlds_with_a_ground_map_are_the_same_together_and_alone(tmp_path: Path) -> None:
+    text = written_text(tmp_path)
+    together = sc.open_many(text, seeds=[3, 4], quiet=True)
+    orders = (
+        "(WHEN (AND (= id 1) (NOT flying)) (TAKEOFF 5m))",
+        "(RULE stroll (WHEN (PROB 10%) (SETQ drive_speed 0.5m/s) (SETQ drive_turn (RANDOM -1 1))))",
+        "(WHEN (= id 2) (GOTO 80m 10m))",
+    )
+    for order in orders:
+        together.send(order, everybody=True, wait=0)
+        together.run(10.0, quiet=True)
+    for number, seed in enumerate((3, 4)):
+        alone = sc.open(text, seed=seed, threads=1)
+        for order in orders:
+            alone.send(order, everybody=True, wait=0)
+            alone.run(10.0, quiet=True)
+        assert alone.snapshot() == together[number].snapshot()
+    assert together[0].snapshot() != together[1].snapshot()
 
 
 def test_on_a_torus_nobody_meets_a_cliff_at_the_edge(tmp_path: Path) -> None:

@@ -32,6 +32,8 @@ from sleepcast.simulator.world.roofs import GROUND, Roofs
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Whole = NDArray[np.intp]
+ROUNDED = 1e-9
+"""m above the ground map up to which a plane stands on it."""
 MARGIN = 1e-6
 """m that bodies keep from the wall around a world, so that rounding never makes them touch it."""
 CRASHED_INTO = "has crashed into "
@@ -198,6 +200,9 @@ class Flight:
         ground = self.ground_at(bodies.x, bodies.y)
         self.z[rides] = self.ground[rides] = ground[rides]
         self.z[self._rows] = np.maximum(self.z[self._rows], ground[self._rows])
+        if self.wings:  # whoever has come around a torus is there by rounding
+            low = self.wings.rows[self.z[self.wings.rows] - ground[self.wings.rows] < ROUNDED]
+            self.z[low] = ground[low]
 
     def ground_at(self, x: Floats, y: Floats) -> Floats:
         """How high the ground is at these places, m, whatever stands on it."""
@@ -237,9 +242,12 @@ class Flight:
         x, y = flying.kept_within(laws, bodies.x[rows], bodies.y[rows], way_x, way_y)
         self.way[:2, rows] = x - bodies.x[rows], y - bodies.y[rows]
         comes_down = self._is_in_air(up | falls)
+        rolling = self.wings.on_ground_map() if self.wings else None
         self.z[rows] += way_z
         bodies.x[rows], bodies.y[rows], bodies.heading[rows] = x, y, heading
         self.velocity_x[rows], self.velocity_y[rows], self.climb_rate[rows] = east, north, rate
+        if self.wings and rolling is not None:
+            self.wings.ride(rolling)
         self._touch_ground(comes_down, before)
         self.way[2, rows] = self.z[rows] - before
         self._measure(turn / laws.tick)

@@ -83,6 +83,8 @@ class Aloft(Protocol):
 
     def laws_of(self, which: Whole | slice, /) -> FlightLaws: ...
 
+    def ground_at(self, x: Floats, y: Floats, /) -> Floats: ...
+
     def below(self, x: Floats, y: Floats, z: Floats, /) -> Floats: ...
 
 
@@ -90,6 +92,7 @@ class Rooms(Protocol):
     """Planes, as far as it concerns where there is room for their circles; see `wings.Wings`."""
 
     planes: Flags
+    circle: Floats
 
     def roomy(self, which: Whole, x: Floats, y: Floats, /) -> tuple[Floats, Floats]: ...
 

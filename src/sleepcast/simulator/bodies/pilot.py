@@ -23,6 +23,7 @@ STAYS = "this robot does not fly"
 UNCUT = "this robot has no emergency stop"
 STOPPED = "it is stopped: RELEASE it first"
 NO_ROOF = "its roof ends before it is fast enough to fly: it needs more room ahead"
+NO_CLIMB = "the ground ahead rises faster than it climbs: it needs another heading or place to take off"
 NO_RUN = "its take-off leads out of the fence: it needs more room ahead"
 
 Fence = tuple[float, float, float, float]
@@ -61,6 +62,7 @@ class Pilot(NamedTuple):
             told.refuse(exhausted[robots], hovering.exhausted())
         if flight.wings:
             told.refuse(flight.wings.rolls_off(robots), NO_ROOF)
+            told.refuse(flight.wings.meets_slope(robots), NO_CLIMB)
             told.check(flight.wings.lacks_room(robots), _refuse_run)
         stand = told.free if flight.wings is None else told.free[~flight.wings.is_up(told.free)]
         flight.rest(stand)

@@ -27,6 +27,8 @@ Flags = NDArray[np.bool_]
 Whole = NDArray[np.intp]
 LEVEL = 30.0
 """m of height up to which a plane climbs straight on, as the bridge to ArduPilot has it."""
+PLACES = 1_000
+"""Places on the way of a take-off of which it is found how high the ground is there."""
 
 
 class PlaneStep(NamedTuple):
@@ -168,6 +170,24 @@ class Wings:
         aimless = done[self._bodies.mode[done] != GOTO]
         self.rest(aimless, flight.target_z[aimless])
 
+    # ---- on the ground
+
+    def on_ground_map(self) -> Whole | None:
+        """Which planes stand or roll on the ground, and on no roof; None where the ground is flat."""
+        bodies, flight, rows = self._bodies, self._flight, self.rows
+        if bodies.scenario.ground is None:
+            return None
+        on_roof = flight.ground[rows] > flight.ground_at(bodies.x[rows], bodies.y[rows])
+        return rows[~self.is_up(rows) & ~on_roof]
+
+    def ride(self, which: Whole) -> None:
+        """Let these planes, which were on the ground before the tick, be as high as it is now, but for those that leave
+        it."""
+        bodies, flight = self._bodies, self._flight
+        ground = flight.ground_at(bodies.x[which], bodies.y[which])
+        leaves = flight.climb_rate[which] > 0.0
+        flight.z[which] = np.where(leaves, np.maximum(flight.z[which], ground), ground)
+
     # ---- circles
 
     def rest(self, which: Whole, height: float | Floats = nan) -> None:
@@ -221,10 +241,28 @@ class Wings:
 
     def rolls_off(self, which: Whole) -> Flags:
         """Which of these are planes that stand on a roof that ends before they are fast enough to fly."""
-        flight = self._flight
+        bodies, flight = self._bodies, self._flight
         ends = flight.below(*self._run(which), flight.z[which]) < flight.ground[which]
-        off: Flags = self._stands(which) & ends
+        on_roof = flight.ground[which] > flight.ground_at(bodies.x[which], bodies.y[which])
+        off: Flags = self._stands(which) & on_roof & ends
         return off
+
+    def meets_slope(self, which: Whole) -> Flags:
+        """Which of these are planes that stand where the ground ahead rises faster than they climb, up to `LEVEL`."""
+        found = np.zeros(len(which), bool)
+        for number in np.flatnonzero(self._stands(which)).tolist() if self._bodies.scenario.ground else ():
+            found[number] = self._is_slope_ahead(which[number : number + 1])
+        return found
+
+    def _is_slope_ahead(self, one: Whole) -> bool:
+        bodies, flight, laws = self._bodies, self._flight, self._flight.laws_of(one)
+        steep, late = laws.climb / self._all.speed[one], laws.climb * self._all.speed[one] / laws.acceleration
+        sine, cosine = sine_cosine(bodies.heading[one])
+        x, y = self._run(one)
+        far = np.linspace(0.0, LEVEL / steep + late, PLACES)[:, 0]
+        ground = flight.ground_at(x + far * cosine, y + far * sine)
+        slack = np.where(far > late, laws.climb * laws.climb / (2.0 * laws.acceleration), 0.0)
+        return bool((ground > ground[0] + steep * far - slack).any())
 
     def _stands(self, which: Whole) -> Flags:
         stands: Flags = self.planes[which] & ~self.is_up(which)

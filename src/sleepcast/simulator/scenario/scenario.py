@@ -387,12 +387,8 @@ def _check_ground(root: Table, scenario: Scenario) -> None:
     """Raise SettingsError where a ground map would mean nothing, or not enough."""
     flights = [spec.flight for spec in scenario.each_type if spec.flight]
     if not flights or any(flight.particle for flight in flights):
-        why = "only what hovers knows how high it is above the ground: give robots a table flight, or leave this out"
-    elif any(flight.stall for flight in flights):
-        why = "planes take off from level ground and land on it: take copters, or leave this out"
-    else:
-        return
-    raise root.table("world").error("ground", why)
+        why = "only copters and planes know how high the ground is: give robots a table flight, or leave this out"
+        raise root.table("world").error("ground", why)
 
 
 def _check_torus(root: Table, scenario: Scenario) -> None:

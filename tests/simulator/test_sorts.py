@@ -89,6 +89,19 @@ class TestSensing:
         assert lacks == [{"water"}, {"water"}, {"water"}, {"battery"} | sonars]
         assert sensed(simulator, DISC)["water"] == 3.0
 
+    def test_and_stays_so_for_who_is_placed_and_for_children_of_other_sorts(self, tmp_path: Path) -> None:
+        bare = SORTS.replace('like = "disc"', 'like = "disc"\nbody = { bumpers = 0 }')
+        simulator = apart(mixed(tmp_path, bare.replace("count =", "hatch = true\ncount =")))
+        swarm = Swarm(simulator)
+        swarm.evaluate("scout1", "(HATCH disc 1)")
+        swarm.evaluate("disc1", "(HATCH scout 1)")
+        swarm.step()
+        swarm.step()
+        children = {"disc5", "scout6"}
+        assert children < swarm.minds.keys()
+        felt = {name: swarm.minds[name].evaluate("bumper").value for name in (*NAMES, *children)}
+        assert {name for name, bumper in felt.items() if isnan(bumper)} == {"disc1", "disc5"}
+
     def test_a_function_that_a_sort_lacks_is_a_fault_where_it_is_reached(self, tmp_path: Path) -> None:
         swarm = Swarm(apart(mixed(tmp_path)))
         swarm.run(0.1)

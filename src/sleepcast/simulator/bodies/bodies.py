@@ -260,9 +260,10 @@ class Bodies:
         for column in self._columns.values():
             column[..., children] = column[..., parents]
         self._know_values(children)
-        if self.side_speed.size:  # the parent may be of another type
-            side = np.nan_to_num(self.side_speed[children])
-            self.side_speed[children] = np.where(self.omni[children], side, np.nan)
+        feels = self.by_type([float(spec.bumpers) for spec in self.scenario.each_type]) > 0.0
+        for felt, has in ((self.side_speed, self.omni), (self.bumper, feels)):  # the parent may be of another type
+            if felt.size:
+                felt[children] = np.where(has[children], np.nan_to_num(felt[children]), np.nan)
         for row in self.stores:
             row[children] = row[parents] * turnover.shares
             row[turnover.givers] *= turnover.kept
@@ -459,10 +460,10 @@ class Bodies:
 
     def settle(self, number: int) -> None:
         """Let a body be at rest at once, where it is."""
-        for still in (self.speed, self.left, self.right, self.bumper, self.hit_x, self.hit_y):
+        for still in (self.speed, self.left, self.right, self.hit_x, self.hit_y):
             still[number] = 0.0
-        if self.omni[number]:
-            self.side_speed[number] = 0.0
+        for felt in (self.bumper, self.side_speed):  # unknown to types that have none
+            felt[number : number + 1] = np.where(np.isnan(felt[number : number + 1]), np.nan, 0.0)
         if self.flight:
             self.flight.settle(np.array([number]))
 
@@ -591,8 +592,7 @@ class Bodies:
         names += ["mode", "stopped", "held"]
         names += ["known"] if self.scenario.noise else []
         names += ["x", "y", "heading", "left", "right"] if robots.wheels else []
-        names += ["wanted_side"] if robots.omni else []
-        names += ["uncounted"] if self.uncounted.size else []
+        names += (["wanted_side"] if robots.omni else []) + (["uncounted"] if self.uncounted.size else [])
         names += ["hit_x", "hit_y"] if self.contact else []
         arrays: dict[str, NDArray[np.generic]] = {name: getattr(self, name) for name in names}
         arrays |= self.flight.columns if self.flight else {}

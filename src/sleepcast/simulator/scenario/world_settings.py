@@ -19,7 +19,8 @@ from sleepcast.core.settings import Table
 from sleepcast.core.units import LENGTH
 from sleepcast.simulator.scenario.flight import HIGHEST
 from sleepcast.simulator.scenario.robot_settings import LEAST, MAX_ROBOTS, MAX_WORLD
-from sleepcast.simulator.world.grey_picture import Picture, Stretched, read_picture
+from sleepcast.simulator.world.geotiff import is_tiff, read_geotiff
+from sleepcast.simulator.world.grey_picture import Picture, Stretched, picture_of, read_picture
 from sleepcast.simulator.world.map_picture import MapPicture
 from sleepcast.simulator.world.world import MAX_NAME, Circle, Point, Polygon, Shape, Wall, boundary, rooms, rows_of
 
@@ -109,6 +110,8 @@ def read_world(root: Table, robots: Callable[[], int], changes: Changes, seed: i
     """The table [world]. robots: returns their number, for a world that grows with it; seed: of this run."""
     with root.table("world") as table:
         taken = _from_files(table)
+        ground, covers = _ground(table)
+        taken += covers
         width, height = _size(table, robots, changes.area_per_robot, taken)
         high = (width.value, height.value)
         for each_taken in taken:
@@ -119,7 +122,6 @@ def read_world(root: Table, robots: Callable[[], int], changes: Changes, seed: i
         parted, drawn = _parted(table, high, seed)
         shapes += parted
         edge = table.text("edge", "fence", choices=EDGES)
-        ground = _ground(table)
     torus = edge == "torus"
     picture = next((each_taken.picture for each_taken in taken if each_taken.picture), None)
     unit = width.unit or "m"
@@ -132,13 +134,22 @@ def read_world(root: Table, robots: Callable[[], int], changes: Changes, seed: i
     return WorldSpec(*high, unit, here, edge == "fence", later, torus, picture, drawn, ground)
 
 
-def _ground(world: Table) -> Picture | None:
-    """The ground map."""
+def _ground(world: Table) -> tuple[Picture | None, list[_Taken]]:
+    """The ground map, and, if its file says that, what it covers."""
     if not world.has("ground"):
-        return None
+        return None, []
     with world.table_or_text("ground", "file") as table:
         low = table.number("low", LENGTH, 0.0, low=0.0, high=HIGHEST)
-        return read_picture(table, low, table.number("high", LENGTH, low=0.0, high=HIGHEST), deep=True)
+        path = table.file("file")
+        if not is_tiff(path):
+            return read_picture(table, low, table.number("high", LENGTH, low=0.0, high=HIGHEST), deep=True), []
+        if table.has("high"):
+            raise table.error("high", "a GeoTIFF has heights in metres: leave this out")
+        found = read_geotiff(path)
+        picture = picture_of(found.heights, low)
+        if picture.high > HIGHEST:
+            raise table.error("file", f"its heights differ by {np.ptp(found.heights):g} m; at most {HIGHEST:g} m fit")
+        return picture, [_Taken("ground", (), (0.0, 0.0), (found.width, found.height), whole=True)]
 
 
 def _standing(
@@ -211,9 +222,17 @@ class _Taken:
     low: Point
     high: Point
     picture: MapPicture | None = None
+    whole: bool = False
+    """Whether the box is to be the world."""
 
     def refuse_beyond(self, world: Table, width: float, height: float) -> None:
-        """Raise SettingsError if the box does not lie within the world."""
+        """Raise SettingsError if the box does not lie within the world, or is not the `whole` of it."""
+        if self.whole and max(abs(self.high[0] - width), abs(self.high[1] - height)) > SLACK:
+            raise world.error(
+                self.key,
+                f"it covers {self.high[0]:g} by {self.high[1]:g} m, and the world is {width:g} by {height:g} m: "
+                "leave out width and height, or cut it with gdal_translate -projwin",
+            )
         if min(self.low) < -SLACK or self.high[0] > width + SLACK or self.high[1] > height + SLACK:
             (x0, y0), (x1, y1) = self.low, self.high
             raise world.error(

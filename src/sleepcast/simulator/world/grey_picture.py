@@ -42,6 +42,15 @@ def read_picture(table: Table, low: float, high: float, *, deep: bool = False) -
     return Picture(columns, rows, grey.tobytes().hex(), low, high, deep)
 
 
+def picture_of(heights: Floats, low: float) -> Picture:
+    """Numbers as a picture of 16 bits, whose least one is `low`; shape (rows, columns), the top row first."""
+    least, most = float(heights.min()), float(heights.max())
+    shares = (heights - least) / (most - least if most > least else 1.0)
+    rows, columns = heights.shape
+    grey = np.rint(shares * _white(True)).astype(_kind(True))
+    return Picture(columns, rows, grey.tobytes().hex(), low, low + most - least, deep=True)
+
+
 class Stretched:
     """A picture over a world of this size, m. wraps: whether what lies beyond an edge is what lies at the opposite one,
     as on a torus."""

@@ -14,13 +14,16 @@ import ctypes
 import gc
 import os
 import pickle
+import re
 import resource
 import runpy
+import shlex
 import signal
 import socket
 import subprocess
 import sys
 import threading
+import warnings
 from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib import import_module
@@ -31,6 +34,10 @@ FOREGROUND = ["env", "--default-signal=INT,TERM"]
 """What a shell does for a program in the foreground, and the server does for each."""
 READ_AT_START = ("LANG", "LC_", "LD_", "NPY_", "NUMBA_", "OPENBLAS_", "PYTHON", "TZ")
 """How the names of variables begin that the interpreter, the loader and libraries read before the program runs."""
+DONE_AFTERWARDS = ("PYTHONPATH", "PYTHONWARNINGS")
+"""Those of them that the server has not got, and whose folders and filters the process adds when it begins."""
+SIGNS = re.compile(r"[^\w\s./:=,@%+'\"-]")
+"""What may mean something to a shell, where it is not between single quotes."""
 LIMITS = [getattr(resource, name) for name in dir(resource) if name.startswith("RLIMIT_")]
 SUBREAPER = 36
 """prctl(2): who is left behind by its parent becomes this process's child."""
@@ -80,6 +87,16 @@ def run(command: Sequence[object], **options: Any) -> subprocess.CompletedProces
     return done
 
 
+def in_shell(line: str) -> list[str]:
+    """The command that starts what a line of a shell says: `sleepcast` without a shell between, where its line needs
+    none."""
+    needs_shell = SIGNS.search(re.sub(r"'[^']*'", "", line))
+    words = [] if needs_shell else shlex.split(line)
+    if words[:1] == ["sleepcast"]:
+        return [*FOREGROUND, sys.executable, "-m", *words]
+    return [*FOREGROUND, "bash", "-c", line]
+
+
 def words_of(command: Any) -> list[str] | None:
     """What `sleepcast` is told by this command, or None for another program."""
     if sys.platform != "linux" or isinstance(command, str | bytes | os.PathLike):
@@ -95,8 +112,10 @@ def read_at_start(surroundings: Mapping[str, str]) -> dict[str, str]:
 
 
 def is_alike(surroundings: Mapping[str, str]) -> bool:
-    """Whether a process with this environment begins as the server did."""
-    return read_at_start(surroundings) == server().read_at_start
+    """Whether a process with this environment begins as the server did, or can make up for what the server lacks."""
+    ours = server().read_at_start
+    lacks = set(DONE_AFTERWARDS) - ours.keys()
+    return {name: value for name, value in read_at_start(surroundings).items() if name not in lacks} == ours
 
 
 @cache
@@ -189,9 +208,11 @@ def become(
     for number, each in enumerate(streams):
         os.dup2(each, number)
     os.closerange(3, os.sysconf("SC_OPEN_MAX"))
+    added = {name: surroundings[name] for name in DONE_AFTERWARDS if name in surroundings and name not in os.environ}
     os.environ.clear()
     os.environ.update(surroundings)
     begin_anew(words, folder)
+    make_up_for(added)
     runpy.run_module("sleepcast", run_name="__main__", alter_sys=True)
 
 
@@ -209,6 +230,15 @@ def begin_anew(words: list[str], folder: str) -> None:
         now.mode = mode
         setattr(sys, name, now)
         setattr(sys, f"__{name}__", now)
+
+
+def make_up_for(added: Mapping[str, str]) -> None:
+    """Do what the interpreter does at its start with these variables."""
+    if folders := added.get("PYTHONPATH"):
+        sys.path[1:1] = folders.split(os.pathsep)
+    if filters := added.get("PYTHONWARNINGS"):
+        sys.warnoptions[:] = filters.split(",")
+        warnings._processoptions(sys.warnoptions)  # type: ignore[attr-defined]
 
 
 if __name__ == "__main__":

@@ -44,6 +44,7 @@ import numpy as np
 import pytest
 import yaml
 
+import forkserver
 import sleepcast as sc
 from language.cases import NodeMachine, Setting, apply_setting, mismatch, read_case
 from sleepcast.cli import program
@@ -428,12 +429,12 @@ def pictures() -> ModuleType:
 
 SHELL = {
     "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
-    "LANG": "C.UTF-8",
     "COLUMNS": "100",
     "XDG_CACHE_HOME": os.environ["XDG_CACHE_HOME"],
+    **forkserver.read_at_start(os.environ),
 }
 """What the commands see: this environment's sleepcast and what is compiled already, no screen, no settings of whoever
-runs the tests."""
+runs the tests but those with which the program that is forked has begun."""
 
 
 @each("sh")
@@ -468,9 +469,10 @@ def test_a_session_prints_what_is_shown(block: Block, tmp_path: Path) -> None:
     write_files(block.page, tmp_path)
     for session in re.split(r"^\$ ", block.text, flags=re.MULTILINE)[1:]:
         line, _, shown = session.partition("\n")
-        command = ["bash", "-c", f"exec 2>&1; {line.replace('python3 go.py', 'sleepcast')}"]
+        command = forkserver.in_shell(line.replace("python3 go.py", "sleepcast"))
+        streams = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
         env = {**SHELL, "HOME": str(tmp_path), "PYTHONWARNINGS": "ignore"}
-        done = subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
+        done = forkserver.run(command, cwd=tmp_path, env=env, **streams)
         same = doctest.OutputChecker().check_output(shown, done.stdout, doctest.ELLIPSIS)
         assert same, f"{line}\nprinted\n{done.stdout}\nwanted\n{shown}"
 

@@ -119,6 +119,42 @@ def test_what_is_read_before_a_program_begins_is_read(tmp_path: Path) -> None:
     assert forkserver.run([sys.executable, "-c", "print(2)"], capture_output=True, text=True).stdout == "2\n"
 
 
+COMMAND = """
+import sys, warnings, click
+@click.command()
+def hello():
+    warnings.warn("which is not told")
+    print(sys.path[:2], sys.warnoptions)
+"""
+
+
+def test_what_the_server_lacks_is_done_afterwards(tmp_path: Path) -> None:
+    """A command of a package that lies in a folder of Python's path, with a filter for its warnings."""
+    (tmp_path / "greeting.py").write_text(COMMAND)
+    (tmp_path / "greeting-1.0.dist-info").mkdir()
+    (tmp_path / "greeting-1.0.dist-info" / "METADATA").write_text(
+        "Metadata-Version: 2.1\nName: greeting\nVersion: 1.0\n"
+    )
+    (tmp_path / "greeting-1.0.dist-info" / "entry_points.txt").write_text(
+        "[sleepcast.commands]\nhello = greeting:hello\n"
+    )
+    surroundings = {**os.environ, "PYTHONPATH": str(tmp_path), "PYTHONWARNINGS": "ignore"}
+    how: dict[str, Any] = {"env": surroundings, "cwd": tmp_path.parent, "capture_output": True, "text": True}
+    assert forkserver.is_alike(surroundings)
+    command = forkserver.in_shell("sleepcast hello")
+    forked, started = forkserver.run(command, **how), subprocess.run(command, **how, check=False)
+    assert str(tmp_path) in forked.stdout, forked.stderr
+    assert (forked.returncode, forked.stdout, forked.stderr) == (started.returncode, started.stdout, started.stderr)
+
+
+@pytest.mark.parametrize("line", ["sleepcast eval 1 | cat", "sleepcast eval 1 2>&1", "echo $(sleepcast eval 1)"])
+def test_what_needs_a_shell_has_one(line: str) -> None:
+    assert forkserver.in_shell(line)[-3:] == ["bash", "-c", line]
+    surroundings = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    done = forkserver.run(forkserver.in_shell(line), capture_output=True, text=True, env=surroundings)
+    assert (done.stdout, done.stderr) == ("1\n", "")
+
+
 def test_a_program_that_fails_or_hangs_is_told_of() -> None:
     command = [sys.executable, "-m", "sleepcast", "eval", "(+ 1"]
     with pytest.raises(subprocess.CalledProcessError):

@@ -26,6 +26,7 @@ from pathlib import Path
 import click
 import pytest
 
+import forkserver
 from channel.test_udp import free_port
 from clients import board
 from installing import install
@@ -103,12 +104,13 @@ class Reader:
 
     def start(self, line: str, output: int) -> subprocess.Popen[bytes]:
         line, _ = self.on_our_channel(line)
-        return subprocess.Popen(
-            ["env", "--default-signal=INT", "bash", "-c", f"exec 2>&1; exec {line}"],
+        return forkserver.Popen(
+            forkserver.in_shell(line),
             cwd=self.folder,
             env=self.surroundings(),
             stdin=subprocess.DEVNULL,
             stdout=output,
+            stderr=subprocess.STDOUT,
         )
 
     def printed(self, line: str) -> str:

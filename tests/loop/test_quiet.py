@@ -68,15 +68,21 @@ def compare(scenario: Scenario, threads: int = 1) -> Swarm:
     return swarm
 
 
-@pytest.mark.parametrize("name", scenario_names())
-def test_each_scenario_runs_the_same(name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "over"),
+    [
+        pytest.param(name, over, marks=pytest.mark.nightly if (number + bool(over)) % 2 else (), id=f"{name}{over}")
+        for number, name in enumerate(scenario_names())
+        for over in ((), LOSSY)
+    ],
+)
+def test_each_scenario_runs_the_same(name: str, over: tuple[tuple[str, object], ...]) -> None:
     swarm = swarm_of(few(name), 3, 1)
     if swarm.quiet.block is None:  # no compiled code does all that its bodies do
         at_once(swarm, 10)
         assert swarm.quiet.ticks == 0
         return
-    compare(few(name))
-    compare(few(name, over=LOSSY))
+    compare(few(name, over=over))
 
 
 def test_hardly_any_tick_of_a_crowd_at_work_is_not_quiet() -> None:

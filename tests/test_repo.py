@@ -11,9 +11,7 @@ import shutil
 import signal
 import subprocess
 import sys
-import sysconfig
 import tomllib
-import venv
 import zipfile
 from collections.abc import Mapping
 from email.parser import BytesParser
@@ -26,6 +24,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 import sleepcast
+from installing import borrowing
 from slow import SLOW
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -197,10 +196,12 @@ def test_go_names_the_package_that_is_missing(clone: Path, words: list[str]) -> 
     assert (done.returncode, done.stdout) == (2, "")
 
 
-def start_changed(clone: Path, change: str, *words: str) -> subprocess.CompletedProcess[str]:
-    """Run the clone's go.py in a Python that lacks something."""
+def start_changed(
+    clone: Path, change: str, *words: str, env: Mapping[str, str] | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run the clone's go.py in a Python that differs by this change."""
     start = f"import runpy, sys; {change}; sys.argv = ['go.py', *{words}]; runpy.run_path('go.py', run_name='__main__')"
-    return run(sys.executable, "-c", start, cwd=clone)
+    return run(sys.executable, "-c", start, cwd=clone, env=env)
 
 
 def test_go_tells_what_it_builds_and_takes_no_more_words(clone: Path) -> None:
@@ -244,14 +245,12 @@ def ours(tmp_path_factory: pytest.TempPathFactory) -> Path:
     clone = tmp_path_factory.mktemp("ours")
     for name in ("go.py", "pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, clone / name)
-    shutil.copytree(SOURCE, clone / "src", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(SOURCE, clone / "src")  # with what Python has compiled, else each clone would compile it anew
     (clone / "requirements").mkdir()
     (clone / "requirements" / "run.txt").write_text("")
     (clone / "requirements" / "dev.txt").write_text("")
-    venv.create(clone / ".venv", symlinks=True)
+    borrowing(clone / ".venv")
     (clone / ".venv" / "bin" / f"pip{go.VERSION}").touch()  # pip is one of our libraries, too
-    (site,) = clone.glob(".venv/lib/python*/site-packages")
-    (site / "libraries.pth").write_text(sysconfig.get_path("purelib"))
     return clone
 
 
@@ -383,7 +382,8 @@ def test_go_tries_no_family_that_it_cannot_install(clone: Path) -> None:
     for name in ("counterparts.txt", "counterparts/package.json"):
         (clone / "requirements" / name).parent.mkdir(exist_ok=True)
         shutil.copy(ROOT / "requirements" / name, clone / "requirements" / name)
-    done = run(sys.executable, "go.py", "test", "counterparts", "zenoh", cwd=clone, env=offline(clone))
+    borrow = f"sys.path.insert(0, {str(ROOT / 'tests')!r}); import installing, venv; venv.create = installing.with_pip"
+    done = start_changed(clone, borrow, "test", "counterparts", "zenoh", env=offline(clone))
     assert (done.returncode, done.stdout) == (1, "== zenoh, from the lock\nnot tried       zenoh\n")
     assert "pip says why above" in done.stderr
 
@@ -446,14 +446,11 @@ def page_source(path: str) -> Path:
 def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The scripts of an environment that holds the wheel, and borrows our libraries but not our sleepcast."""
     home = tmp_path_factory.mktemp("empty")
-    venv.create(home, with_pip=False, symlinks=True)
+    borrowing(home)
     python = home / "bin" / "python"
-    install = ("install", "--quiet", "--no-index", "--no-deps", wheel)
+    install = ("install", "--quiet", "--no-compile", "--ignore-installed", "--no-index", "--no-deps", wheel)
     done = run(sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", python, *install)
     assert done.returncode == 0, done.stderr
-    (site,) = home.glob("lib/python*/site-packages")
-    # Path files in a folder named by a path file are not followed: our editable install stays behind.
-    (site / "libraries.pth").write_text(sysconfig.get_path("purelib"))
     return home / "bin"
 
 

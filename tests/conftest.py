@@ -9,8 +9,9 @@ leaves out the files of `SLOW`. Contracts shared by several test files say what 
 import gc
 import os
 import signal
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Set
 from functools import cache
+from itertools import accumulate
 from pathlib import Path
 
 import pytest
@@ -19,7 +20,7 @@ from hypothesis import HealthCheck, settings
 import families
 from browsers import chromium, context, kept_chromium
 from sleepcast.core.files import cache_folder
-from slow import SLOW
+from slow import SLOW, WAITING
 
 __all__ = ["chromium", "context", "kept_chromium"]
 
@@ -90,9 +91,10 @@ def pytest_make_collect_report(
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Begin with the slowest files, so that no process is left alone with one of them in the end: in the same order in
-    every process. Leave out what is for the night, unless the nightly profile is asked for."""
-    items.sort(key=lambda item: (-weight(item.path), item.path))
+    """Order the files by their turns, alike in every process. Leave out what is for the night, unless the nightly
+    profile is asked for."""
+    when = turns({item.path for item in items})
+    items.sort(key=lambda item: (when[item.path], item.path))
     keep_to_counterparts(config, items)
     if config.getoption("--hypothesis-profile") == "nightly":
         return
@@ -128,10 +130,31 @@ def pytest_collection_finish() -> None:
     gc.enable()
 
 
+def turns(files: Set[Path]) -> dict[Path, float]:
+    """When the turn of each file is, from 0 to 1. Those that mostly wait and those that mostly compute are both spread
+    over the whole run: if many waited at once, no process would compute. Each kind begins with its slowest, so that no
+    process is left alone with one of them in the end."""
+    found = dict[Path, float]()
+    for waiting in (True, False):
+        kind = [
+            file
+            for file in sorted(files, key=lambda file: (-weight(file), file))
+            if (name_of(file) in WAITING) is waiting
+        ]
+        begins = [0, *accumulate(max(weight(file), 1) for file in kind)]
+        found |= {file: begin / begins[-1] for file, begin in zip(kind, begins, strict=False)}
+    return found
+
+
+def name_of(file: Path) -> str:
+    """What a test file is called in `slow.py`."""
+    return file.relative_to(TESTS).as_posix() if file.is_relative_to(TESTS) else ""
+
+
 @cache
 def weight(path: Path) -> int:
     """Seconds that a test file takes, 0 if it is not slow."""
-    return SLOW.get(path.relative_to(TESTS).as_posix(), 0) if path.is_relative_to(TESTS) else 0
+    return SLOW.get(name_of(path), 0)
 
 
 @pytest.fixture(scope="module")

@@ -18,6 +18,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, Self
@@ -225,8 +226,9 @@ def _anchor() -> tuple[subprocess.Popen[str], tuple[str, ...]]:
     raise LabError(f"this machine lets us have no network namespaces: {said}")
 
 
+@cache
 def why_not() -> str:
-    """Why no laboratory can be made here, "" if one can."""
+    """Why no laboratory can be made here, "" if one can: to try it takes seven processes and a tenth of a second."""
     try:
         Lab(["one", "two"]).close()
     except LabError as error:

@@ -17,6 +17,7 @@ from pathlib import Path
 from struct import pack
 from termios import TIOCSWINSZ
 
+import forkserver
 from cli.picture import Picture
 
 PATIENCE = 120.0
@@ -108,7 +109,7 @@ def terminal(
     ioctl(slave, TIOCSWINSZ, pack("HHHH", lines, columns, 0, 0))
     environment = {**os.environ, "TERM": "xterm-256color", "HOME": str(home), **(extra or {})}
     environment.pop("XDG_DATA_HOME", None)
-    process = subprocess.Popen(
+    process = forkserver.Popen(
         [sys.executable, "-m", "sleepcast", *arguments],
         stdin=slave,
         stdout=slave,

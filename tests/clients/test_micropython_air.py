@@ -39,6 +39,8 @@ HEARD_IN = 2.0
 """Seconds until an instant of which the small robot hears in time to measure the clock, on a quiet machine."""
 PATIENT = 240.0
 """Seconds for what takes as long as the machine is busy."""
+TURN = 0.005
+"""Seconds between two looks at what has come, each of which takes time from what the small robot does."""
 MOST = 60.0
 """Seconds that are given for one try at most."""
 
@@ -178,7 +180,7 @@ class Desk:
                     body = read_message(part, piece.sender, piece.content).body
                     if body["command"] == message.id:
                         return body
-            time.sleep(0.002)
+            time.sleep(TURN)
         raise AssertionError(f"no answer to {text or kind}")
 
     def choose(
@@ -204,7 +206,7 @@ class Desk:
                 granted = dict.fromkeys(others, 0) or {"tiny": bid.beat}
                 grants = GrantMessage(message.sequence, not others, granted, ((bid.cost, "tiny"),))
                 self._send(replace(self._message("", Kind.REQUEST), body=grants.body()))
-            time.sleep(0.002)
+            time.sleep(TURN)
         return found
 
     def lease(self, text: str, lease: float, seconds: float = 0.0) -> bool:
@@ -516,7 +518,7 @@ class Party:
             for datagram in out if mends else ():
                 self.sent += look(datagram).kind is Kind.COMMAND
                 self.send(datagram)
-            time.sleep(0.001)
+            time.sleep(TURN)
             return holds()
 
         until(turn)

@@ -102,7 +102,7 @@ def test_a_disturbed_air_repeats_and_reorders_but_loses_nothing(lab: Lab) -> Non
 
 def test_a_laboratory_that_cannot_be_made_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("benchmarks.channel.lab.PATH", "/nowhere")
-    assert "wanted Linux with ip, nft, " in why_not()
+    assert "wanted Linux with ip, nft, " in why_not.__wrapped__()  # not what is known of this machine
 
 
 @needs_networks

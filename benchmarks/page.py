@@ -9,7 +9,7 @@ while the table of 100,000 is sorted time and again; the time from a move of the
 prompt, to the picture with the new count of 10,000 robots; and what memory the page and the program gain in eight
 simulated hours; what a frame spends on the names of 1,000 robots; and frames a second of the view in three dimensions
 beside the map, 1280 x 720 pixels, while a recording of copters is replayed: the median of 300. A frame counts when the
-page says that it has drawn it.
+page says that it has drawn it, and there when its picture is put on the page.
 """
 
 from __future__ import annotations
@@ -65,10 +65,11 @@ ROOM = "{ position: 'fixed', inset: '0 auto auto 0', width: '1281px', height: '7
 """Where the view is while it is measured, with its border."""
 TIMED = """
   window.__times = [];
-  const send = WebSocket.prototype.send;
-  WebSocket.prototype.send = function (text) {
-    if (text.includes('"drawn"')) window.__times.push(performance.now());
-    send.call(this, text);
+  const put = ImageBitmapRenderingContext.prototype.transferFromImageBitmap;
+  ImageBitmapRenderingContext.prototype.transferFromImageBitmap = function (picture) {
+    window.__times.push(performance.now());
+    window.__pixels = `${picture.width} x ${picture.height} pixels`;
+    put.call(this, picture);
   };
 """
 AGAIN = """
@@ -345,9 +346,7 @@ def flying(count: int, frames: int) -> Found:
         page.wait_for_function(AGAIN, arg=frames)
         costs = [1000.0 * (now - before) for now, before in ((work(), begun), (processor_of("gpu-process"), drawing))]
         times = page.evaluate("window.__times")
-        pixels = page.evaluate(
-            "(({ width, height }) => `${width} x ${height} pixels`)(document.getElementById('space-solids'))"
-        )
+        pixels = page.evaluate("window.__pixels")
     gaps = [after - before for before, after in pairwise(times)]
     detail = ", ".join(
         f"{number(cost / len(gaps))} ms of the processor {what}"
@@ -366,7 +365,6 @@ def replayed(folder: Path, count: int) -> Iterator[Page]:
     record = ("run", folder, "--quiet", "--record", file, "--record-pictures", "0.1s")
     subprocess.run([sys.executable, "-m", "sleepcast", *record], check=True, stdout=subprocess.DEVNULL)
     with Program("replay", file, "--speed", "4") as program, visited(program.address, TIMED) as page:
-        page.wait_for_function("() => window.__times.length > 0")
         page.locator("#space").click()
         page.evaluate(f"() => Object.assign(document.querySelector('.space').style, {ROOM})")
         page.wait_for_function("() => document.getElementById('space-over').width === 1280")

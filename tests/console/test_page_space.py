@@ -20,7 +20,7 @@ from playwright.sync_api import BrowserContext, Page, expect
 
 from console.conftest import page_of
 from console.running import PATIENCE, Program
-from console.test_page import opened, pixels, pixels_seen, until
+from console.test_page import clock, opened, pixels, pixels_seen, until
 from sleepcast.console.adapters.swarm import scene_of
 from sleepcast.console.page_parts import STATIC
 from sleepcast.simulator import load, read_scenario
@@ -111,14 +111,14 @@ def test_the_view_is_fetched_when_it_is_opened_and_picks_robots_as_the_map_does(
     expect(view).to_be_visible()
     expect(rovers.locator("#space")).to_have_attribute("aria-pressed", "true")
     x, y = ring(rovers)
-    assert fetched == ["three.module.min.js", "three.core.min.js"]
+    assert set(fetched) == {"painter.js", "solids.js", "joined.js", "three.module.min.js", "three.core.min.js"}
     chosen = rovers.locator("#robot-name").inner_text()
 
     view.focus()
     rovers.keyboard.press("ArrowRight")
     expect(rovers.locator("#robot-name")).not_to_have_text(chosen)
     expect(rovers.locator("#heard")).not_to_contain_text(chosen)
-    assert ring(rovers)[0] > x, "the next one to the right, as this view shows it"
+    until(rovers, lambda: ring(rovers)[0] > x)  # the next one to the right, as this view shows it
     rovers.mouse.click(x, y)
     expect(rovers.locator("#robot-name")).to_have_text(chosen)
     expect(rovers.locator(".space .tip")).to_contain_text(chosen)
@@ -154,20 +154,60 @@ def test_the_view_is_fetched_when_it_is_opened_and_picks_robots_as_the_map_does(
 
 @browser
 def test_a_browser_without_webgl_says_so_and_keeps_the_map(program: Program, context: BrowserContext) -> None:
-    context.add_init_script(
-        """
-        const real = HTMLCanvasElement.prototype.getContext;
-        HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
-          return kind.startsWith("webgl") ? null : real.call(this, kind, ...rest);
-        };
-        """
-    )
+    without = "OffscreenCanvas.prototype.getContext = () => null;"
+    painter = without + (STATIC / "painter.js").read_text()
+    context.route("**/painter.js", lambda route: route.fulfill(body=painter, content_type="text/javascript"))
     for page in opened(program, context):
         page.locator("#space").click()
-        expect(page.locator("#refused-text")).to_contain_text("The view in three dimensions cannot be shown")
-        expect(page.locator("#refused-text")).to_contain_text("WebGL")
-        expect(page.locator(".space")).to_be_hidden()
-        expect(page.locator("#space")).to_have_attribute("aria-pressed", "false")
+        assert_refused(page, "the browser has no WebGL")
+        context.unroute("**/painter.js")
+        page.locator("#space").click()
+        until(page, lambda page=page: len(colours_of(page)) > 1)  # it is tried again
+
+
+@browser
+def test_so_does_one_that_starts_no_threads(program: Program, context: BrowserContext) -> None:
+    context.add_init_script("window.Worker = class { constructor() { throw new Error('it starts no threads'); } };")
+    for page in opened(program, context):
+        page.locator("#space").click()
+        assert_refused(page, "it starts no threads")
+
+
+@browser
+def test_where_the_browser_takes_the_graphics_away_the_view_gets_others(
+    program: Program, context: BrowserContext
+) -> None:
+    told = """
+      const real = OffscreenCanvas.prototype.getContext;
+      OffscreenCanvas.prototype.getContext = function (kind, ...how) {
+        const made = real.call(this, kind, ...how);
+        if (kind === "webgl2") self.made = made;
+        return made;
+      };
+    """
+    painter = told + (STATIC / "painter.js").read_text()
+    context.route("**/painter.js", lambda route: route.fulfill(body=painter, content_type="text/javascript"))
+    for page in opened(program, context):
+        page.locator("#space").click()
+        until(page, lambda page=page: len(colours_of(page)) > 1)
+        (first,) = page.workers
+        first.evaluate("made.getExtension('WEBGL_lose_context').loseContext()")
+        until(page, lambda page=page, first=first: page.workers and page.workers[0] is not first)
+        before = colours_of(page)
+        page.locator("#theme").click()
+        until(page, lambda page=page, before=before: not colours_of(page) & before)  # the second thread draws
+        expect(page.locator(".space")).to_be_visible()
+
+
+def assert_refused(page: Page, reason: str) -> None:
+    """The view is closed again, the page says why, and the map goes on."""
+    expect(page.locator("#refused-text")).to_have_text(
+        f"The view in three dimensions cannot be shown: {reason}. Turn on WebGL in its settings, or use another one."
+    )
+    expect(page.locator(".space")).to_be_hidden()
+    expect(page.locator("#space")).to_have_attribute("aria-pressed", "false")
+    before = clock(page)
+    until(page, lambda: clock(page) > before)
 
 
 @browser

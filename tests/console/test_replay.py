@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import base64
 import re
 import struct
@@ -23,6 +24,7 @@ from console.test_page import until
 from sleepcast.console.account_table import MAX_ROWS
 from sleepcast.console.adapters.recorded_past import RecordedPast
 from sleepcast.console.adapters.recording import load_timeline
+from sleepcast.console.driver import FRAME_PERIOD
 from sleepcast.console.features.failing import Failed
 from sleepcast.console.features.members import Members
 from sleepcast.console.outgoing import Failing, Groups, ShownGroup
@@ -125,6 +127,25 @@ def test_groups_accounts_and_a_robot_are_as_they_were_then(page: Page) -> None:
     assert {value["name"] for value in told["values"]} >= {"x", "y", "battery"}
     at(page, 3.0)
     page.wait_for("robot", lambda found: found["groups"] == [] and found["rules"] == [] and found["said"] == [])
+
+
+def test_a_picture_that_comes_late_delays_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "run.mcap"
+    with sc.open("shepherding", seed=1) as fleet, fleet.record(file, pictures=1.0):
+        fleet.run(5)
+    clock = ManualClock()
+    driver = ReplayDriver(load_timeline(load_recording(file)), clock)
+    driver.set_pace(factor=1.0)
+
+    async def wake_late(seconds: float) -> None:
+        clock.advance(max(0.0, seconds) + 0.003)
+        if clock.now() > 4.0:
+            raise EOFError
+
+    monkeypatch.setattr("sleepcast.console.replay.asyncio.sleep", wake_late)
+    with pytest.raises(EOFError):
+        asyncio.run(driver.run())
+    assert driver.number == pytest.approx(4.0 / FRAME_PERIOD, abs=2.0)
 
 
 def test_second_groups_and_colours_are_recorded(tmp_path: Path) -> None:

@@ -23,8 +23,8 @@ from sleepcast.console.page_parts import STATIC
 
 JOINED = "joined"
 """The name of both files."""
-ALONE = frozenset({"enter"})
-"""Modules that are not of the page: what leads to it is to be there at once."""
+ALONE = frozenset({"enter", "painter"})
+"""Modules that are not of the page: what leads to it, which is to be there at once, and a thread beside it."""
 TYPES = {".js": "text/javascript", ".css": "text/css"}
 
 _IMPORT = re.compile(r'^import \{ ([^}]+) \} from "\./(\w+)\.js";$', re.MULTILINE)

@@ -55,13 +55,14 @@ class ReplayDriver(FrameSource):
     async def run(self) -> None:
         """Let time pass until cancelled."""
         self.draw()
-        looked = self.clock.now()
+        due = looked = self.clock.now()
         while True:
             if not self._running:
                 self._wake.clear()
                 await self._wake.wait()
                 looked = self.clock.now()
-            await asyncio.sleep(FRAME_PERIOD)
+            due = max(due + FRAME_PERIOD, looked)
+            await asyncio.sleep(due - self.clock.now())
             now = self.clock.now()
             if self._running:
                 self.time = min(self._timeline.seconds, self.time + (now - looked) * self._factor)

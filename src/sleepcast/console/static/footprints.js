@@ -10,7 +10,7 @@ export class FootprintLayer {
   constructor(world, menu) {
     this.world = world;
     this.menu = menu;
-    this.anywhere = true; // on other views of these robots too, each a `surface` {view, frame, addCircle}
+    this.anywhere = true; // on other views of these robots too, each a `surface` {view, frame, inMetres, addCircle}
     world.tools.push(this);
   }
 
@@ -20,7 +20,8 @@ export class FootprintLayer {
   }
 
   drawBehind(pen, surface = this.world) {
-    const { frame, scene, colours } = this.world;
+    const { scene, colours } = this.world;
+    const { inMetres: frame } = surface;
     const { cameras = [], sizes } = scene;
     if (!cameras.length || frame.heights === null || !this.world.shows("footprints") || !few(surface.view, surface.frame, MAX_SHAPES)) return;
     pen.beginPath();
@@ -38,7 +39,8 @@ export class FootprintLayer {
 
   // Add the footprints of some robots. slope: how much farther they see with each metre above the ground.
   trace(pen, surface, begin, end, slope) {
-    const { relief, frame: { heights, poses } } = this.world;
+    const { relief } = this.world;
+    const { heights, poses } = surface.inMetres;
     for (let i = begin; i < end; i += 1) {
       const [x, y] = [poses[3 * i], poses[3 * i + 1]];
       const above = heights[i] - (relief?.at(x, y) ?? 0);

@@ -23,6 +23,11 @@ export class Orbit {
     this.height = 1;
   }
 
+  // One with the values of another, which is none any more once it has gone to another thread.
+  static of(values) {
+    return Object.assign(new Orbit(), values, { target: [...values.target] });
+  }
+
   get field() {
     return FIELD;
   }
@@ -142,5 +147,14 @@ export class Orbit {
       seen[3 * i + 1] = there ? scale * (x * up[0] + y * up[1] + z * up[2]) - centre : NOWHERE;
       seen[3 * i + 2] = poses[3 * i + 2];
     }
+  }
+
+  // Half of each robot's length as it is drawn, m: its radius, but never too small to see. sizes: how many robots have which
+  // radius, m, in their order; least: pixels; depths: as of `project`.
+  lengths(sizes, least, depths) {
+    const lengths = new Float32Array(depths.length);
+    let first = 0;
+    for (const [robots, radius] of sizes) lengths.fill(radius, first, (first += robots));
+    return lengths.map((radius, i) => Math.max(radius, (least * depths[i]) / this.focus));
   }
 }

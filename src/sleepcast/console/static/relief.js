@@ -2,6 +2,7 @@
 // slopes that look away from the north-west, and the height of each place, on which other views stand.
 
 import { bytes } from "./accounting.js";
+import { groundAt } from "./groundmap.js";
 
 const INK = 0.4; // of 1: the shade of the highest ground, beside
 const SLOPES = 0.25; // that of a slope of 1 in 1
@@ -10,7 +11,7 @@ export class Relief {
   constructor(world, menu) {
     this.world = world;
     this.menu = menu;
-    this.map = null; // {columns, rows, heights: m, row by row from the bottom, from edge to edge of the area}
+    this.map = null; // as of groundmap.js
     this.sheet = null; // a pixel for each of them
     world.relief = this;
     world.addEventListener("layers", () => world.repaint("ground"));
@@ -31,16 +32,7 @@ export class Relief {
 
   // m above the origin, at a place in the world.
   at(x, y) {
-    if (!this.map) return 0;
-    const [left, bottom, right, top] = this.area;
-    const { columns, rows, heights } = this.map;
-    const [column, across] = between((x - left) / (right - left), columns);
-    const [row, up] = between((y - bottom) / (top - bottom), rows);
-    const [low, high] = [row, row + 1].map((each) => {
-      const first = heights[each * columns + column];
-      return first + across * (heights[each * columns + column + 1] - first);
-    });
-    return low + up * (high - low);
+    return groundAt(this.area, this.map, x, y);
   }
 
   paint([red, green, blue]) {
@@ -75,13 +67,6 @@ export class Relief {
 function heightsOf({ cells, low, high }) {
   const steps = new DataView(bytes(cells).buffer);
   return Float32Array.from({ length: steps.byteLength / 2 }, (_, at) => low + ((high - low) * steps.getUint16(2 * at, true)) / 65535);
-}
-
-// Between which two of so many points a share of the way along a side lies: the first one, and the share of the way to the next.
-function between(share, count) {
-  const place = Math.max(0, Math.min(1, share)) * (count - 1);
-  const first = Math.min(count - 2, Math.floor(place));
-  return [first, place - first];
 }
 
 const parts = (colour) => [1, 3, 5].map((at) => Number.parseInt(colour.slice(at, at + 2), 16));

@@ -3,6 +3,8 @@
 
 import { copter, cross, disc, farCopter, farDisc, farPlane, farRover, plane, prisms, rover } from "./forms.js";
 import { Herd } from "./herd.js";
+import { groundAt } from "./groundmap.js";
+import { Orbit } from "./orbit.js";
 
 const FORMS = { copter: [copter, farCopter], plane: [plane, farPlane], rover: [rover, farRover] }; // near and far
 const SHADOWS = 2000; // robots; more have none, and only a few triangles each
@@ -11,9 +13,9 @@ const SEEN = 7; // pixels: half the length at which others have it
 const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i; // what draws where there is no graphics card
 const ABOVE = 0.002; // of the distance to the eye: what lies on the ground is drawn so far above it
 const LAID = {
-  vertexShader: "varying vec2 at; void main() { at = uv; gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0); }",
+  vertexShader: "varying vec2 at; void main() { at = vec2(uv.x, 1.0 - uv.y); gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0); }",
   fragmentShader: "uniform sampler2D map; varying vec2 at; void main() { gl_FragColor = texture2D(map, at); }",
-}; // a picture and nothing else: it fills the canvas, and each step more is one for a million pixels
+}; // a picture, whose rows begin at the top, and nothing else: it fills the canvas, and each step more is one for a million pixels
 
 // Which robots have which form: {members: how many of each form, by name; forms: the name of each robot's; places: of each robot
 // among those of its form}. told: names of forms in the order of the robots, each with how many have it; the others have `usual`.
@@ -26,12 +28,13 @@ export function membersOf(count, told, usual) {
 }
 
 export class Solids {
-  // three: the module three.js. canvas: to be drawn on. Throws where the browser has no WebGL.
+  // three: the module three.js. canvas: an OffscreenCanvas to draw on. Throws where the browser has no WebGL.
   constructor(three, canvas) {
     this.three = three;
     three.ColorManagement.enabled = false; // colours are the page's, as they are
     const context = contextOf(canvas);
     this.software = !context.getContextAttributes().antialias;
+    this.canvas = canvas;
     this.renderer = new three.WebGLRenderer({ canvas, context });
     [this.ratio, this.part] = [1, 1]; // pixels of the screen for one of the page, and how many of these are drawn
     this.renderer.outputColorSpace = three.LinearSRGBColorSpace;
@@ -46,6 +49,7 @@ export class Solids {
     this.herds = null; // what moves bodies and shadows: {bodies: by form, shadows, forms, places}
     this.crosses = null; // what moves those over crashed bodies: {herd, room}
     this.kind = ""; // of the bodies that there are
+    this.orbit = new Orbit(); // from where it is seen
   }
 
   resize(width, height, ratio) {
@@ -82,8 +86,10 @@ export class Solids {
 
   // ---- what stays
 
-  // sheet: the canvas that lies on the area. sky: a colour. relief: {columns, rows, heights} of relief.js, where it is not flat.
-  setGround([left, bottom, right, top], sheet, sky, relief) {
+  // sheet: a picture of the area. sky: a colour. relief: how high it is, as of groundmap.js.
+  setGround(area, sheet, sky, relief) {
+    const [left, bottom, right, top] = area;
+    this.groundAt = (x, y) => groundAt(area, relief, x, y);
     const { CanvasTexture, Mesh, PlaneGeometry, ShaderMaterial } = this.three;
     this.scene.background = new this.three.Color(sky);
     this.ground?.material.uniforms.map.value.dispose();
@@ -98,10 +104,11 @@ export class Solids {
     this.put("ground", mesh);
   }
 
-  setWalls(obstacles, high, colour) {
+  // tall: how high each is, m.
+  setWalls(obstacles, tall, colour) {
     const { Color, Mesh, ShapeUtils, Vector2 } = this.three;
     const points = (outline) => outline.map(([x, y]) => new Vector2(x, y));
-    const form = prisms(obstacles, high, (contour, holes) => ShapeUtils.triangulateShape(points(contour), holes.map(points)));
+    const form = prisms(obstacles, (index) => tall[index], (contour, holes) => ShapeUtils.triangulateShape(points(contour), holes.map(points)));
     this.put("walls", form.corners.length ? new Mesh(this.geometry(form, new Color(colour).toArray()), this.paint) : null);
   }
 
@@ -110,37 +117,61 @@ export class Solids {
     this.dark.opacity = opacity;
   }
 
+  // inks: colours of robots by their look; bad: that of crosses; each [red, green, blue] of 1.
+  setInks(inks, bad) {
+    Object.assign(this, { inks, bad });
+  }
+
+  // values: of an Orbit that sees what is drawn from now on.
+  look(values) {
+    const { camera } = this;
+    const orbit = (this.orbit = Orbit.of(values));
+    camera.fov = (orbit.field * 180) / Math.PI;
+    camera.near = orbit.distance / 200;
+    camera.far = orbit.distance + 40 * orbit.whole;
+    camera.updateProjectionMatrix();
+    camera.position.set(...orbit.eye);
+    camera.lookAt(...orbit.target);
+  }
+
   // ---- what moves
 
-  // robots: {count, poses, heights, forms: as told to `membersOf`, sizes: gives the radius to draw of each, m; seen: pixels of that in the middle of the picture;
-  // colours: [red, green, blue] by look; looks: of each; ground: gives how high it is at x, y, m}
+  // robots: {count, poses, heights, sizes: how many have which radius, m, in their order; least: pixels that half of each has at
+  // least; forms: as told to `membersOf`; looks: of each; crashed: whether each has}
   setBodies(robots) {
+    const { orbit } = this;
     const { count, poses, heights } = robots;
-    const near = count <= ALL_FORMS || (count < SHADOWS && robots.seen >= SEEN);
+    const mean = robots.sizes.reduce((sum, [some, radius]) => sum + some * radius, 0) / Math.max(1, count);
+    const near = count <= ALL_FORMS || (count < SHADOWS && (mean * orbit.focus) / orbit.distance >= SEEN);
     const kind = [count, heights !== null, near, robots.forms].join();
     if (kind !== this.kind) this.renew(robots, near);
     this.kind = kind;
     const { bodies, shadows, forms, places } = this.herds;
+    const depths = new Float32Array(count);
+    orbit.project(poses, heights, new Float32Array(3 * count), depths);
+    const sizes = orbit.lengths(robots.sizes, robots.least, depths);
     for (let i = 0; i < count; i += 1) {
-      const [x, y, heading, z, size] = [poses[3 * i], poses[3 * i + 1], poses[3 * i + 2] || 0, heights?.[i] ?? 0, robots.sizes(i)];
+      const [x, y, heading, z, size] = [poses[3 * i], poses[3 * i + 1], poses[3 * i + 2] || 0, heights?.[i] ?? 0, sizes[i]];
       bodies[forms[i]].place(places[i], x, y, z, heading, size);
-      bodies[forms[i]].dye(places[i], robots.colours[robots.looks[i]]);
-      const ground = shadows ? robots.ground(x, y) : 0;
+      bodies[forms[i]].dye(places[i], this.inks[robots.looks[i]]);
+      const ground = shadows ? this.groundAt(x, y) : 0;
       shadows?.place(i, x, y, ground + ABOVE * size, 0, z - ground > size ? 0.8 * size : 0);
     }
     for (const form in bodies) bodies[form].changed();
     shadows?.changed();
+    this.setCrosses(robots, sizes);
   }
 
-  // crashed: places of bodies, each [x, y, z, radius to draw], m. colour: of their crosses, [red, green, blue].
-  setCrosses(crashed, colour) {
+  // Mark who has crashed. sizes: half of each robot's length as it is drawn, m.
+  setCrosses({ poses, heights, crashed }, sizes) {
+    const who = [...crashed.keys()].filter((i) => crashed[i]);
     const room = this.crosses?.room ?? 0;
-    if (crashed.length > room || (room && !crashed.length)) this.renewCrosses(2 * crashed.length);
+    if (who.length > room || (room && !who.length)) this.renewCrosses(2 * who.length);
     if (!this.crosses) return;
-    for (let i = 0; i < this.crosses.room; i += 1) {
-      const [x, y, z, size] = crashed[i] ?? [NaN];
-      this.crosses.herd.place(i, x, y, z, 0, size);
-      this.crosses.herd.dye(i, colour);
+    for (let at = 0; at < this.crosses.room; at += 1) {
+      const i = who[at] ?? -1; // NaN where there is no more
+      this.crosses.herd.place(at, poses[3 * i] ?? NaN, poses[3 * i + 1], heights?.[i] ?? 0, 0, sizes[i]);
+      this.crosses.herd.dye(at, this.bad);
     }
     this.crosses.herd.changed();
   }
@@ -182,27 +213,19 @@ export class Solids {
     return Object.assign(new LineSegments(made, this.lines), { room });
   }
 
-  // Draw all, as an orbit sees it. part: of the pixels of each side.
-  render(orbit, part) {
-    const { camera } = this;
+  // Draw all, and give the picture, null if the browser has taken the graphics away. part: of the pixels of each side.
+  render(part) {
     if (part !== this.part) this.renderer.setPixelRatio(part * this.ratio);
     this.part = part;
-    camera.fov = (orbit.field * 180) / Math.PI;
-    camera.near = orbit.distance / 200;
-    camera.far = orbit.distance + 40 * orbit.whole;
-    camera.updateProjectionMatrix();
-    camera.position.set(...orbit.eye);
-    camera.lookAt(...orbit.target);
-    this.renderer.render(this.scene, camera);
-    this.begin();
+    this.renderer.render(this.scene, this.camera);
+    if (this.software) this.finish();
+    return this.renderer.getContext().isContextLost() ? null : this.canvas.transferToImageBitmap();
   }
 
-  // Let what was asked for be drawn from now on, while the page goes on. Without a fence, software begins only when the page needs the
-  // picture, and lets it wait.
-  begin() {
+  // Wait here until it is drawn: whoever takes the picture would wait else.
+  finish() {
     const gl = this.renderer.getContext();
-    gl.deleteSync(gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0));
-    gl.flush();
+    gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
   }
 }
 
@@ -216,7 +239,7 @@ function lift(corners, columns, rows, heights) {
 // What the canvas is drawn with. Edges are smooth where a graphics card does it: software would take twice as long. Throws where
 // there is no WebGL.
 function contextOf(canvas) {
-  const probe = document.createElement("canvas").getContext("webgl2");
+  const probe = new OffscreenCanvas(1, 1).getContext("webgl2");
   if (!probe) throw new Error("the browser has no WebGL");
   const about = probe.getExtension("WEBGL_debug_renderer_info");
   const drawnBy = probe.getParameter(about ? about.UNMASKED_RENDERER_WEBGL : probe.RENDERER);

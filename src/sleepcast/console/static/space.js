@@ -4,7 +4,6 @@
 // For what is drawn over the robots and for what hands do, it is another `surface` like the map: robots stand in pixels in
 // its `frame`, and its `view` takes them as they are.
 
-import { make } from "./elements.js";
 import { Fineness } from "./fineness.js";
 import { CRASHED } from "./frame.js";
 import { gestures } from "./gestures.js";
@@ -12,14 +11,13 @@ import { drawGround, drawPlaces } from "./ground.js";
 import { keep, kept } from "./kept.js";
 import { Labels } from "./labels.js";
 import { Orbit } from "./orbit.js";
+import { Painting } from "./painting.js";
 import { inkOf, inksOf, LOOKS } from "./shapes.js";
-import { Solids } from "./solids.js";
 import { drawRings, robotAt, robotBeside } from "./swarm.js";
 import { grown } from "./type.js";
 import { trailLines } from "./trails.js";
 import { heightText, View } from "./view.js";
 
-const LIBRARY = "./vendor/three/three.module.min.js";
 const KEY = "space";
 const SHEET = 2048; // pixels of the longer side of the ground
 const SMALLEST = 5; // pixels: half a robot's length at least
@@ -47,8 +45,11 @@ export class Space {
     this.view = new View();
     this.labels = new Labels();
     this.frame = { count: 0, poses: new Float32Array(0) };
+    this.eye = this.orbit; // from where the picture is seen that stands there,
+    this.inMetres = null; // the frame that it shows,
     this.depths = new Float32Array(0);
-    this.solids = null; // once the library is there
+    this.lengths = new Float32Array(0); // and half of each robot's length there, m
+    this.painting = null; // once it was opened
     this.fitted = null; // the rectangle of the world that is fitted, null once somebody has moved the view
     this.mapped = ""; // what the map has fitted last
     this.drawn = {}; // what the meshes were made of
@@ -62,28 +63,34 @@ export class Space {
     if (kept(KEY, false)) this.open(true);
   }
 
-  async open(on) {
+  open(on) {
     if (!on && this.root.contains(document.activeElement)) this.world.map.focus(); // who worked here goes on there
     this.root.hidden = !on;
     document.body.classList.toggle("spacious", on);
     this.button.setAttribute("aria-pressed", String(on));
     keep(KEY, on);
-    if (on && !this.solids) await this.load();
+    if (on && !this.painting) this.load();
     this.world.refit();
   }
 
-  async load() {
+  load() {
+    this.drawn = {};
     try {
-      this.solids = new Solids(await import(LIBRARY), this.canvas);
+      this.painting = new Painting(this.canvas, (asked, took) => this.show(asked, took), (reason) => (reason ? this.fail(reason) : this.load()));
       this.resize();
-    } catch (error) {
-      this.open(false);
-      this.said(`The view in three dimensions cannot be shown: ${error.message}. Turn on WebGL in its settings, or use another one.`);
+    } catch ({ message }) {
+      this.fail(message);
     }
   }
 
+  fail(reason) {
+    this.painting = null;
+    this.open(false);
+    this.said(`The view in three dimensions cannot be shown: ${reason}. Turn on WebGL in its settings, or use another one.`);
+  }
+
   get shown() {
-    return !this.root.hidden && this.solids !== null && this.world.frame !== null;
+    return !this.root.hidden && this.painting !== null && this.world.frame !== null;
   }
 
   // ---- the eye
@@ -93,7 +100,7 @@ export class Space {
     if (!width || !height) return;
     const { ratio } = this.world;
     this.orbit.resize(width, height);
-    this.solids?.resize(width, height, ratio);
+    this.painting?.tell("resize", width, height, ratio);
     [this.over.width, this.over.height] = [Math.round(width * ratio), Math.round(height * ratio)];
     this.pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     this.view.resize(width, height);
@@ -148,20 +155,37 @@ export class Space {
 
   // ---- drawing
 
+  // Have a picture drawn of what there is now. Gives a promise that is kept once it is under way, null if nothing is shown.
   draw() {
     this.waiting = false;
-    if (!this.shown) return;
+    if (!this.shown) return null;
     if (!this.mapped) this.fit();
-    const { solids, orbit, world } = this;
-    this.look();
+    const { painting, world } = this;
+    const { scene, frame } = world;
+    const eye = Orbit.of(this.orbit);
     this.drawStill();
     this.drawTrails();
-    const { count, poses, heights } = world.frame;
-    const forms = (world.scene.forms ?? []).map((form, at) => [world.scene.sizes[at][0], form]);
-    const looks = { sizes: (i) => this.radius(i), colours: this.inks(), looks: this.codes(), seen: this.seen };
-    solids.setBodies({ count, poses, heights, forms, ground: (x, y) => this.ground(x, y), ...looks });
-    solids.setCrosses(this.crashed(), this.bad());
-    solids.render(orbit, solids.software ? this.fineness.next(this.moves) : 1);
+    painting.tell("look", eye);
+    const { count, poses, heights, flags } = frame;
+    const crashed = Uint8Array.from(flags, (each) => each & CRASHED);
+    const forms = (scene.forms ?? []).map((form, at) => [scene.sizes[at][0], form]);
+    painting.tell("setBodies", { count, poses, heights, crashed, forms, sizes: scene.sizes, least: grown(SMALLEST), looks: this.codes() });
+    return painting.ask({ scene, frame, eye }, painting.software ? this.fineness.next(this.moves) : 1);
+  }
+
+  // A picture stands there, which took so long to draw, ms.
+  show({ scene, frame, eye }, took) {
+    this.fineness.took(took);
+    if (scene !== this.world.scene || this.root.hidden) return; // one of other robots comes
+    this.eye = eye;
+    this.inMetres = frame;
+    if (this.depths.length !== frame.count) {
+      this.depths = new Float32Array(frame.count);
+      this.frame = { poses: new Float32Array(3 * frame.count) };
+    }
+    this.frame = { ...frame, poses: this.frame.poses };
+    eye.project(frame.poses, frame.heights, this.frame.poses, this.depths);
+    this.lengths = eye.lengths(scene.sizes, grown(SMALLEST), this.depths);
     this.drawOver();
   }
 
@@ -174,52 +198,28 @@ export class Space {
     return !still;
   }
 
-  // Find out where robots are on the screen.
-  look() {
-    const { count, poses, heights } = this.world.frame;
-    if (this.depths.length !== count) {
-      this.depths = new Float32Array(count);
-      this.frame = { poses: new Float32Array(3 * count) };
-    }
-    this.frame = { ...this.world.frame, poses: this.frame.poses };
-    this.orbit.project(poses, heights, this.frame.poses, this.depths);
-    this.radii = radiiOf(this.world.scene.sizes, count, this.radii);
-    this.least = grown(SMALLEST) / this.orbit.focus;
-  }
-
-  // Pixels of half the length of a robot, in the mean, in the middle of the picture.
-  get seen() {
-    const { sizes, count } = this.world.scene;
-    const mean = sizes.reduce((sum, [robots, radius]) => sum + robots * radius, 0) / Math.max(1, count);
-    return (mean * this.orbit.focus) / this.orbit.distance;
-  }
-
-  // Half of a robot's length, m: its own, but never too small to see.
-  radius(i) {
-    return Math.max(this.radii[i], this.least * this.depths[i]);
-  }
-
   // Half of each robot's length on the screen, by its index.
   get sizes() {
-    return (i) => (this.radius(i) * this.orbit.focus) / (this.depths[i] || Infinity);
+    return (i) => (this.lengths[i] * this.eye.focus) / (this.depths[i] || Infinity);
   }
 
   // Ground and walls, where these are others than those that there are.
   drawStill() {
-    const { world, drawn, solids } = this;
+    const { world, drawn, painting } = this;
     const { scene, colours } = world;
     if (drawn.ground !== world.grounds) {
       drawn.ground = world.grounds;
-      solids.setGround(scene.area, this.sheet(), colours.ground, world.relief?.map);
+      painting.tell("setGround", scene.area, this.sheet(), colours.ground, world.relief?.map);
     }
+    if (drawn.colours !== colours) painting.tell("setInks", this.inks(), parts(colours.bad));
     if (drawn.obstacles === scene.obstacles && drawn.colours === colours) return;
     Object.assign(drawn, { obstacles: scene.obstacles, colours });
     const [left, bottom, right, top] = scene.area;
     const largest = Math.max(...scene.sizes.map(([, radius]) => radius));
-    solids.setShadow(dark(colours.area) ? 0.65 : 0.28);
+    painting.tell("setShadow", dark(colours.area) ? 0.65 : 0.28);
     const tall = scene.tall ?? [];
     const high = Math.max(WALL_RADII * largest, WALL_SHARE * Math.max(right - left, top - bottom), ...new Set(tall));
-    solids.setWalls(scene.obstacles, (index) => tall[index] ?? high, colours.obstacle);
+    painting.tell("setWalls", scene.obstacles, scene.obstacles.map((_, index) => tall[index] ?? high), colours.obstacle);
   }
 
   // The ground as the map draws it.
@@ -227,34 +227,24 @@ export class Space {
     const { scene, colours, under, relief, field } = this.world;
     const [left, bottom, right, top] = scene.area;
     const scale = SHEET / Math.max(right - left, top - bottom);
-    const sheet = make("canvas", { width: Math.max(1, (right - left) * scale), height: Math.max(1, (top - bottom) * scale) });
+    const sheet = new OffscreenCanvas(Math.max(1, (right - left) * scale), Math.max(1, (top - bottom) * scale));
     const view = new View();
     view.resize(sheet.width, sheet.height);
     Object.assign(view, { scale, whole: scale });
     view.centre((left + right) / 2, (bottom + top) / 2);
     drawGround(sheet.getContext("2d"), view, scene, colours, [under, relief, field]);
-    return sheet;
+    return sheet.transferToImageBitmap();
   }
 
   drawTrails() {
-    const { world, drawn, solids } = this;
+    const { world, drawn, painting } = this;
     const latest = world.shows("trails") ? world.trails.samples[0] : undefined;
     if (drawn.trails === latest?.tick && drawn.palette === world.colours) return;
     Object.assign(drawn, { trails: latest?.tick, palette: world.colours });
     const { corners, colours } = latest
       ? trailLines(world.trails.samples, inksOf(world.looks.bodies), this.colours(), world.scene.area)
       : { corners: new Float32Array(0), colours: new Float32Array(0) };
-    solids.setTrails(corners, colours);
-  }
-
-  // Where robots lie that have crashed, and half their lengths to draw, m.
-  crashed() {
-    const { count, poses, heights, flags } = this.world.frame;
-    const found = [];
-    for (let i = 0; i < count; i += 1) {
-      if (flags[i] & CRASHED) found.push([poses[3 * i], poses[3 * i + 1], heights?.[i] ?? 0, this.radius(i)]);
-    }
-    return found;
+    painting.tell("setTrails", corners, colours);
   }
 
   // The palette's colours of robots as red, green and blue of 1.
@@ -262,24 +252,14 @@ export class Space {
     return this.world.colours.robots.map(parts);
   }
 
-  // The colour of crosses, the same array while the palette is.
-  bad() {
-    if (this.drawn.marked !== this.world.colours) Object.assign(this.drawn, { marked: this.world.colours, bad: parts(this.world.colours.bad) });
-    return this.drawn.bad;
-  }
-
   // The colour of each look; after those, dimmed ones and that of who is lit.
   inks() {
     const { colours } = this.world;
-    if (this.drawn.inks !== colours) {
-      this.drawn.inks = colours;
-      const ground = parts(colours.area);
-      const robots = this.colours();
-      const full = Array.from({ length: LOOKS }, (_, look) => robots[inkOf(look)]);
-      const dim = full.map((colour) => colour.map((part, at) => DIMMED * part + (1 - DIMMED) * ground[at]));
-      this.shades = [...full, ...dim, parts(colours.lit)];
-    }
-    return this.shades;
+    const ground = parts(colours.area);
+    const robots = this.colours();
+    const full = Array.from({ length: LOOKS }, (_, look) => robots[inkOf(look)]);
+    const dim = full.map((colour) => colour.map((part, at) => DIMMED * part + (1 - DIMMED) * ground[at]));
+    return [...full, ...dim, parts(colours.lit)];
   }
 
   // For each robot which of these it has.
@@ -313,14 +293,14 @@ export class Space {
 
   onScreen(x, y, z) {
     const [seen, depth] = [new Float32Array(3), new Float32Array(1)];
-    this.orbit.project([x, y, 0], [z], seen, depth);
+    this.eye.project([x, y, 0], [z], seen, depth);
     return { x: seen[0], y: seen[1] };
   }
 
   // Add a level circle at the height of the ground in its middle to what is drawn: m.
   addCircle(pen, x, y, radius) {
     const z = this.ground(x, y);
-    const [begin, ...others] = this.orbit.outline(CIRCLE.map(([c, s]) => [x + c * radius, y + s * radius, z]));
+    const [begin, ...others] = this.eye.outline(CIRCLE.map(([c, s]) => [x + c * radius, y + s * radius, z]));
     if (!begin) return;
     pen.moveTo(...begin);
     for (const [px, py] of others) pen.lineTo(px, py);
@@ -329,8 +309,8 @@ export class Space {
 
   // A line from the chosen robot down to the ground, which tells how high it is and over what.
   drawDrop() {
-    const { pen, view, world } = this;
-    const { frame, marks, colours } = world;
+    const { pen, view, world, inMetres: frame } = this;
+    const { marks, colours } = world;
     const z = frame.heights?.[marks.chosen] ?? 0;
     if (marks.chosen < 0 || z === 0) return;
     const [x, y] = frame.poses.subarray(3 * marks.chosen);
@@ -416,12 +396,3 @@ export class Space {
 const parts = (colour) => [1, 3, 5].map((at) => Number.parseInt(colour.slice(at, at + 2), 16) / 255);
 
 const dark = (colour) => parts(colour).reduce((sum, part) => sum + part) < 1.5;
-
-// The radius of each robot, m. before: as they were last, which may still hold.
-function radiiOf(sizes, count, before) {
-  if (before?.length === count && before.sizes === sizes) return before;
-  const radii = Object.assign(new Float32Array(count), { sizes });
-  let first = 0;
-  for (const [robots, radius] of sizes) radii.fill(radius, first, (first += robots));
-  return radii;
-}

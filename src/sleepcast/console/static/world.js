@@ -386,7 +386,7 @@ export class World extends EventTarget {
     }
     if (!frame) return;
     this.lookUnder();
-    for (const tool of this.tools) tool.drawBeside?.(); // other views first: what draws them works while the map is drawn
+    const beside = this.tools.map((tool) => tool.drawBeside?.()); // other views first: what draws them works while the map is drawn
     if (stale.has("trails")) {
       pens.trails.clearRect(0, 0, view.width, view.height);
       for (const tool of this.tools) tool.drawUnder?.(pens.trails);
@@ -405,7 +405,7 @@ export class World extends EventTarget {
     if (this.shows("pings") && this.pings.draw(pens.robots, view, frame, sizes, colours, performance.now())) this.repaint("robots");
     if (frame === this.told) return;
     this.told = frame;
-    this.dispatchEvent(new CustomEvent("drawn", { detail: frame }));
+    Promise.all(beside).then(() => this.dispatchEvent(new CustomEvent("drawn", { detail: frame })));
   }
 
   drawScale() {
@@ -419,6 +419,11 @@ export class World extends EventTarget {
   // The robot nearest to the pixel within reach, or -1.
   at(px, py) {
     return this.frame ? robotAt(this.view, this.frame, this.sizes, px, py) : -1;
+  }
+
+  // The frame that is shown, as it came: in `frame`, another view has robots in pixels.
+  get inMetres() {
+    return this.frame;
   }
 
   // Half of each robot's length on the screen, by its index.

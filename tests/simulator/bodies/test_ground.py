@@ -254,6 +254,7 @@ def test_worlds_with_a_ground_map_are_the_same_together_and_alone(tmp_path: Path
     orders = (
         "(WHEN (AND (= id 1) (NOT flying)) (TAKEOFF 5m))",
         "(RULE stroll (WHEN (PROB 10%) (SETQ drive_speed 0.5m/s) (SETQ drive_turn (RANDOM -1 1))))",
+        "(RULE shy (WHEN (> (COUNT 15m) 0) (SETQ drive_turn (* 0.1 (COUNT 15m)))))",
         "(WHEN (= id 2) (GOTO 80m 10m))",
     )
     for order in orders:

@@ -111,9 +111,8 @@ class _Observer:
         x, y, away = self._seen_at(*self._places)
         away[self._robot] = inf
         near = _nearest(away, reach)
-        bodies, senders = sense == "pings", near if sense == "pings" else None
-        asked = np.full(near.size, self._robot)
-        shares = self._sight.stops(asked, x[near], y[near], walls=walls, bodies=bodies, senders=senders)
+        asked, bodies = np.full(near.size, self._robot), sense == "pings"
+        shares = self._sight.stops(asked, x[near], y[near], walls=walls, bodies=bodies, senders=near)
         yield from self._lines(sense, near, x[near], y[near], shares)
 
     def _to_lights(self) -> Iterator[SightLine]:

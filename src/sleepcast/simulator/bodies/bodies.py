@@ -214,7 +214,7 @@ class Bodies:
         """Those whom bodies on the ground meet: all but what flies higher."""
         self.contact = Bumpers(self.radii, far, self.low, machine, self.flight) if robots.bumpers else None
         self.sonars = self._make_sonars(self.sensed[own:], cones)
-        self.scanner = Scanner(laser, self.radii, self.near, seed, machine, heights) if laser else None
+        self.scanner = Scanner(laser, self.radii, self.near, seed, machine, heights, self.sight) if laser else None
         if population:
             self._begin_with(first, np.flatnonzero(population.present))
         else:

@@ -1,4 +1,5 @@
-"""What robots do not see, because a wall or another robot stands between: see `world.sight`."""
+"""What robots do not see, because a wall, the ground or another robot stands between: see `world.sight` and
+`world.ground_sight`."""
 
 from __future__ import annotations
 
@@ -9,41 +10,53 @@ import numpy as np
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.world.grid import Floats, Whole
+from sleepcast.simulator.world.ground_sight import HidingGround
 from sleepcast.simulator.world.sight import Ends, Flags, Levels, SightLines, crossings, hidden, stops, unrolled
 from sleepcast.simulator.world.world import World
 
 
 class BetweenWalls:
-    """What walls hide. walls: the solids of the world; up to date after `keep_up`."""
+    """What walls hide, and where heights are known a ground map. walls: the solids of the world; up to date after
+    `keep_up`."""
 
     def __init__(self, scenario: Scenario, world: World, machine: Machine) -> None:
         self.walls = SightLines((scenario.width, scenario.height), scenario.around)
         self._world, self._machine, self._around = world, machine, scenario.around
+        self._terrain = scenario.terrain
+        self.ground: HidingGround | None = None
+        """None where the ground is flat."""
+        if scenario.ground is not None and self._terrain is not None:
+            widest = max(spec.geometry.radius for spec in scenario.each_type)
+            self.ground = HidingGround(scenario.ground, self._terrain, (scenario.width, scenario.height), widest)
 
     def keep_up(self) -> None:
         """Take over what has changed in the world."""
         self.walls.keep_up(self._world)
 
     def any_between(self, x: Floats, y: Floats, to_x: Floats, to_y: Floats, levels: Levels | None = None) -> Flags:
-        """Whether walls lie between each point x, y and `to_x`, `to_y`, m; on a torus the shortest way. levels: z of
-        both, None on the ground."""
+        """Whether walls or rising ground lie between each point x, y and `to_x`, `to_y`, m; on a torus the shortest
+        way. levels: z of both, None on the ground, where that does not count."""
         self.keep_up()
         ends = self._ends(x, y, to_x, to_y)
         if levels is not None and self.walls.levels is not None:
-            return hidden(self.walls, *ends, levels=levels)
-        return self._machine.hidden(self.walls, *ends)
+            found = hidden(self.walls, *ends, levels=levels)
+        else:
+            found = self._machine.hidden(self.walls, *ends)
+        return found if levels is None or self.ground is None else found | self.ground.hide(ends, levels)
 
     def from_points(self, x: Floats, y: Floats) -> Callable[[Whole, Floats, Floats], Flags]:
         """Whether walls hide other places from those of these points, on the ground, whose indices are given."""
         return lambda which, to_x, to_y: self.any_between(x[which], y[which], to_x, to_y)
 
     def count_between(self, x: Floats, y: Floats, to_x: Floats, to_y: Floats, levels: Levels | None = None) -> Whole:
-        """How many walls do."""
+        """How many walls do; the ground is one more."""
         self.keep_up()
         ends = self._ends(x, y, to_x, to_y)
         if levels is not None and self.walls.levels is not None:
-            return crossings(self.walls, *ends, levels=levels)
-        return self._machine.crossings(self.walls, *ends)
+            found = crossings(self.walls, *ends, levels=levels)
+        else:
+            found = self._machine.crossings(self.walls, *ends)
+        return found if levels is None or self.ground is None else found + self.ground.hide(ends, levels)
 
     def _ends(self, x: Floats, y: Floats, to_x: Floats, to_y: Floats) -> Ends:
         across, up = self._around
@@ -73,7 +86,7 @@ class LineOfSight(BetweenWalls):
         self._discs = SightLines((scenario.width, scenario.height), scenario.around)
         self.moved = True
         self._places, self._radii, self._bodies_hide = places, radii, scenario.sight.bodies_hide
-        self._heights, self._terrain = heights, scenario.terrain
+        self._heights = heights
         self._there, self._disc_of = there, np.arange(len(places[0]))
         """The disc of each body."""
 
@@ -116,6 +129,8 @@ class LineOfSight(BetweenWalls):
         if walls:
             self.keep_up()
             found = stops(self.walls, *ends, levels=levels)
+            if self.ground is not None and levels is not None:
+                found = np.minimum(found, self.ground.stops(ends, levels))
         if bodies and self._bodies_hide:
             discs = self._where_bodies_are()
             passing = [self._disc_of[each] for each in ([robots] if senders is None else [robots, senders])]

@@ -7,14 +7,18 @@ minus infinite where something is too near to be measured.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.counter_rng import key
+from sleepcast.simulator.bodies.line_of_sight import BetweenWalls
 from sleepcast.simulator.bodies.proximity import Neighbours
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.laser.beams import BeamScene, scan
 from sleepcast.simulator.scenario.scanners import LaserModel
+from sleepcast.simulator.simd.formulas import sine_cosine
 from sleepcast.simulator.sonar.cones import Ranges
 from sleepcast.simulator.world.grid import CellLists, Floats, Whole, list_solids
 from sleepcast.simulator.world.sight import joined_by_top
@@ -29,6 +33,7 @@ class Scanner:
     near: their spatial index
     seed: of the run
     heights: z of the bodies, m, NaN of those on the ground, changed in place; None where none flies
+    sight: what hides, for where the ground is not flat
     """
 
     def __init__(
@@ -39,8 +44,9 @@ class Scanner:
         seed: int,
         machine: Machine,
         heights: Floats | None = None,
+        sight: BetweenWalls | None = None,
     ) -> None:
-        self._heights = heights
+        self._heights, self._hiding = heights, sight.ground if sight else None
         self.model = model
         self._radii = np.ascontiguousarray(radii)
         self._near, self._machine, self._seed = near, machine, seed
@@ -85,7 +91,18 @@ class Scanner:
             self._listed = list_solids(near.grid, self._solids, self.model.reach)
         where = (images.x, images.y, heading[whose], whose, self._radii)
         z = None if self._heights is None else np.nan_to_num(self._heights)
-        return BeamScene(*where, near.grid, points, self._listed, self._solids, z, self._tops)
+        ground = None if self._hiding is None else partial(self._ground, pose)
+        return BeamScene(*where, near.grid, points, self._listed, self._solids, z, self._tops, ground)
+
+    def _ground(self, pose: Pose, robots: Whole) -> Floats:
+        """See `BeamScene.ground`."""
+        assert self._hiding is not None
+        assert self._heights is not None
+        beams, reach = self.model.beams, self.model.reach
+        x, y, heading, z = (np.repeat(each[robots], beams) for each in (*pose, self._heights))
+        sine, cosine = sine_cosine(heading + np.tile(self.model.angles, len(robots)))
+        shares = self._hiding.stops((x, y, x + reach * cosine, y + reach * sine), (z, z))
+        return (reach * shares).reshape(len(robots), beams)
 
 
 def _all_in_order(robots: Whole) -> bool:

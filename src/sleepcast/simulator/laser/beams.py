@@ -8,6 +8,7 @@ formulas, comes to the same bits. What a beam only touches it hits, as in `world
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import inf
 from typing import NamedTuple, TypeVar
 
@@ -47,6 +48,7 @@ class BeamScene(NamedTuple):
     solids: see `world.World.solids`, in the frame of the cells
     z: of the robots, m, where some fly: then beams hit only bodies that are no more than their radius higher or lower
     tops: how high each of the solids is, m; infinite without limit
+    ground: how far beams of these robots go until they meet the ground, m, shape (robots, beams); None where it is flat
     """
 
     x: Floats
@@ -60,6 +62,7 @@ class BeamScene(NamedTuple):
     solids: Floats
     z: Floats | None = None
     tops: Floats | None = None
+    ground: Callable[[Whole], Floats] | None = None
 
 
 def scan(model: LaserModel, scene: BeamScene, which: Whole, key: int) -> Ranges:
@@ -71,6 +74,8 @@ def scan(model: LaserModel, scene: BeamScene, which: Whole, key: int) -> Ranges:
         free = np.full((len(some), model.beams), inf)
         _meet_bodies(model, scene, some, free)
         _meet_solids(model, scene, some, free)
+        if scene.ground is not None:
+            free = np.minimum(free, scene.ground(some))
         measured[begin : begin + AT_ONCE] = _told(model, free, some, key)
     return measured
 

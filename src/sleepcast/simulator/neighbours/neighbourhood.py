@@ -235,6 +235,7 @@ class Neighbourhood:
         self._passing: dict[float, Vicinity] = {}
         self._kept: dict[float, Vicinity] = {}
         self._sight, self._version = sight, sight.version
+        self._rises = scenario.ground is not None and scenario.sight.neighbours
         self.flies = tables.heights is not None
         """Whether neighbours lie in a ball."""
         self._arrays = {
@@ -265,8 +266,8 @@ class Neighbourhood:
     @property
     def covered(self) -> bool:
         """Whether kernels know all that hides neighbours: nobody can look over anything, since for them it is endless
-        upwards."""
-        return not self.flies or self._sight.levels is None
+        upwards, and no ground that rises."""
+        return not self.flies or (self._sight.levels is None and not self._rises)
 
     def keep_up(self) -> bool:
         """Take over what hides neighbours; gives whether it has changed."""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 from math import sqrt
 
 import numpy as np
 import pytest
 
+import forkserver
 from sleepcast.core.errors import MisuseError
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Changes, Simulator, Wall, choose, find_scenario
@@ -87,7 +87,7 @@ class TestChanges:
 
 def run(*options: str) -> dict[str, object]:
     command = [sys.executable, "-m", "sleepcast", "run", "crowd", "--json", "--quiet", "--seconds", "3", *options]
-    found: dict[str, object] = json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+    found: dict[str, object] = json.loads(forkserver.run(command, capture_output=True, text=True, check=True).stdout)
     return found
 
 
@@ -101,7 +101,7 @@ def test_the_command_line_changes_the_crowd_and_threads_do_not() -> None:
 
 def test_a_density_that_is_none_is_refused() -> None:
     command = [sys.executable, "-m", "sleepcast", "run", "crowd", "--density", "0"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = forkserver.run(command, capture_output=True, text=True)
     assert done.returncode == 2
     assert "--density must be from" in done.stderr
 

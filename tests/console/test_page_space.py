@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -42,6 +42,13 @@ like = "copter"
 most = 5
 starts = [["10m", "20m", "0deg"], { x = "31m", y = "20m", z = "10m" }, { x = "50m", y = "20m", z = "20m" }]
 """
+
+LAMP = """
+[lights.lamp]
+x = "30m"
+y = "38m"
+
+[robots]"""
 
 HILLS = """ground = { file = "hills.png", high = "16m" }
 
@@ -237,6 +244,23 @@ def test_ground_and_sky_are_those_of_the_map_and_a_line_leads_down(copters: Page
     for area, sky in (("#f8fafb", "#e6ebf0"), ("#101820", "#0a0f14")):  # light, dark
         until(page, lambda wanted={area, sky}: wanted <= colours_of(page))
         page.locator("#theme").click()
+
+
+@browser
+def test_the_ground_lies_as_on_the_map(tmp_path: Path, context: BrowserContext) -> None:
+    with page_of(tmp_path, COPTERS.replace("\n[robots]", LAMP)) as started:
+        for page in opened(started, context):
+            page.locator("#space").click()
+            glow = until(page, lambda page=page: rows_of(page, lambda rgb: rgb[..., 0] > rgb[..., 2] + 60))
+            area = rows_of(page, lambda rgb: (rgb == (0xF8, 0xFA, 0xFB)).all(axis=-1))
+            assert np.mean(glow) < np.mean(area), "the lamp stands in the north"
+
+
+def rows_of(page: Page, wanted: Callable[[np.ndarray], np.ndarray]) -> list[int]:
+    """The row of each pixel of the view whose colour is wanted."""
+    with Image.open(BytesIO(page.locator(".space-map").screenshot())) as image:
+        rows, _ = np.nonzero(wanted(np.asarray(image.convert("RGB"), int)))
+    return [int(row) for row in rows]
 
 
 @browser

@@ -31,6 +31,11 @@ class Fences:
         self.told: Flags = np.zeros(bodies.count, bool)
         self._told_at: Floats = np.full(bodies.count, -inf)
         """Seconds at which each was told of."""
+        left, bottom, right, top = flight.edges
+        west, south = (float(each.max()) + 2.0 * AT_FENCE for each in (left, bottom))
+        east, north = (float(each.min()) - 2.0 * AT_FENCE for each in (right, top))
+        self._far_from_all = west, south, east, north
+        """Left, bottom, right and top of where nobody is at any edge, m."""
 
     @property
     def state(self) -> list[tuple[int, float, bool]]:
@@ -49,9 +54,11 @@ class Fences:
 
     def look(self) -> None:
         """Tell of those whom the fence holds since the tick that is over; again only after `TELL_AGAIN` s."""
-        driven = self._driven_there()
-        self.told &= driven
-        new = np.flatnonzero(driven & ~self.told)
+        there = self._driven_there()
+        told = self.told[there]
+        self.told[:] = False
+        self.told[there] = told
+        new = there[~told]
         if not new.size:
             return
         held, rests = self._held(new)
@@ -62,14 +69,22 @@ class Fences:
                 self._bodies.say_of(robot, brought_to_rest(FENCE_AHEAD) if rest else HELD_BACK)
                 self._told_at[robot] = now
 
-    def _driven_there(self) -> Flags:
+    def _driven_there(self) -> Whole:
         """Who is at the edge of its fence while it is driven, in whatever direction."""
-        bodies, flight = self._bodies, self._flight
-        left, bottom, right, top = flight.edges
-        room = np.minimum(np.minimum(bodies.x - left, right - bodies.x), np.minimum(bodies.y - bottom, top - bodies.y))
-        driven = (bodies.wanted_speed != 0.0) | (flight.wanted_side != 0.0)
-        there: Flags = (room <= AT_FENCE) & driven & (bodies.mode == DRIVE) & (flight.armed > 0.0) & flight.hovers
-        return there & ~bodies.still
+        bodies, flight, near = self._bodies, self._flight, self._near_an_edge()
+        left, bottom, right, top = (edge[near] for edge in flight.edges)
+        x, y = bodies.x[near], bodies.y[near]
+        room = np.minimum(np.minimum(x - left, right - x), np.minimum(y - bottom, top - y))
+        driven = (bodies.wanted_speed[near] != 0.0) | (flight.wanted_side[near] != 0.0)
+        flown = (bodies.mode[near] == DRIVE) & (flight.armed[near] > 0.0) & flight.hovers[near] & ~bodies.still[near]
+        there: Whole = near[(room <= AT_FENCE) & driven & flown]
+        return there
+
+    def _near_an_edge(self) -> Whole:
+        """Whoever may be at the edge of a fence: few of all."""
+        x, y = self._bodies.x, self._bodies.y
+        west, south, east, north = self._far_from_all
+        return np.flatnonzero((x <= west) | (x >= east) | (y <= south) | (y >= north))
 
     def _held(self, which: Whole) -> tuple[Flags, Flags]:
         """Whom of these the fence holds, and who goes along it no faster than `SLOW`."""

@@ -16,7 +16,7 @@ from sleepcast.columns.values import Shared
 from sleepcast.core.serial import Array, SerialError
 from sleepcast.fleet.fleet import Fleet
 from sleepcast.fleet.schema import AuthorityState, FleetSnapshot, SharedState
-from sleepcast.fleet.state import Mind, Minds, MindTable
+from sleepcast.fleet.state import Mind, Minds
 from sleepcast.language.program import Program
 from sleepcast.language.symbols import Operator
 from sleepcast.language.vocabulary import MAX_USER_VARIABLES, Vocabulary
@@ -29,14 +29,10 @@ Value = TypeVar("Value")
 Plain = TypeVar("Plain")
 
 
-KEPT_APART = SharedMinds([], [], {}, 0)
-"""The minds in the state of a fleet whose table of minds somebody else keeps."""
-
-
-def state_of(fleet: Fleet, *, minds: bool = True) -> FleetSnapshot:
-    """The state of a fleet between two ticks; the fleet is not changed. minds: with its table of minds."""
+def state_of(fleet: Fleet) -> FleetSnapshot:
+    """The state of a fleet between two ticks; the fleet is not changed."""
     return FleetSnapshot(
-        shared_minds(fleet.minds) if minds else KEPT_APART,
+        shared_minds(fleet.minds),
         fleet.state.state(),
         fleet.telemetry.state(),
         fleet.memory.statistics.state(),
@@ -84,18 +80,10 @@ def _refill_shared(shared: Shared[Value], state: SharedState[Plain], made: Calla
     shared.restore([made(value) for value in state.values], column)
 
 
-def restore(fleet: Fleet, state: FleetSnapshot, when: float, table: MindTable | None = None) -> None:
-    """Restore a new fleet to a saved state.
-
-    when: time of the snapshot, s, for explanations
-    table: its minds, where they are not in the state
-
-    Raises SerialError for the state of another fleet, or one with impossible values.
-    """
-    if table is None:
-        refill(fleet.minds, state.minds)
-    else:
-        fleet.minds.wake(table)
+def restore(fleet: Fleet, state: FleetSnapshot, when: float) -> None:
+    """Restore a new fleet to a saved state. when: time of the snapshot, s, for explanations. Raises SerialError for the
+    state of another fleet, or one with impossible values."""
+    refill(fleet.minds, state.minds)
     fleet.state.restore(state.state)
     fleet.telemetry.restore(state.told)
     known, _ = fleet.minds.table

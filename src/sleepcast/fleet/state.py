@@ -331,25 +331,6 @@ class EqualMinds(WeakValueDictionary[MindKey, Mind]):
     """The minds of all fleets whose vocabularies were made `anew` from one: equal ones are one and the same."""
 
 
-class MindTable:
-    """A table of minds at rest. names: of the user variables, in the order of their slots. minds: each with its number.
-    following: the number that the next one gets."""
-
-    __slots__ = ("__weakref__", "following", "minds", "names")
-
-    def __init__(self, names: tuple[str, ...], minds: tuple[tuple[int, Mind], ...], following: int) -> None:
-        self.names, self.minds, self.following = names, minds, following
-
-    @property
-    def key(self) -> Hashable:
-        """Equal for equal tables."""
-        return self.names, tuple((number, mind.key) for number, mind in self.minds), self.following
-
-
-class EqualTables(WeakValueDictionary[Hashable, MindTable]):
-    """The same for tables at rest."""
-
-
 class Minds:
     """The table of minds. vocabulary: of all robots. Number 0 is the mind that has learned nothing."""
 
@@ -405,19 +386,6 @@ class Minds:
         for number, mind in sorted(minds.items()):
             self._minds[number] = mind
             self._numbers.setdefault(mind.key, number)
-
-    def resting(self) -> MindTable:
-        """The table as it is now."""
-        table = MindTable(tuple(self.vocabulary.user_slots), tuple(self._minds.items()), self._next)
-        tables = self.vocabulary.common(EqualTables)
-        return table if tables is None else tables.setdefault(table.key, table)
-
-    def wake(self, table: MindTable) -> None:
-        """Go on with a table of robots with the same vocabulary."""
-        self.vocabulary.user_slots.clear()
-        for name in table.names:
-            self.vocabulary.user_slot(name)
-        self.fill(dict(table.minds), table.following)
 
     def keep_only(self, used: set[int]) -> None:
         """Remove the minds that no robot has any more; 0 stays."""

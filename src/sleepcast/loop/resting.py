@@ -1,8 +1,8 @@
 """Swarms at rest: what another swarm of the same scenario and seed needs in order to go on, in this process alone.
 
 A small swarm is some hundreds of objects, which take several times as much memory as its numbers. At rest it is one
-parcel of bytes, as in a snapshot, but without its scenario, and with the table of minds that all swarms of a scenario
-have in common.
+parcel of bytes, as in a snapshot, but without its scenario. Nothing else stays: objects would be spread over the memory
+that swarms which are awake need, and each search for garbage would go through all of them.
 """
 
 from __future__ import annotations
@@ -42,18 +42,18 @@ class RestingSwarm:
     Raises SerialError for a swarm that is too large.
     """
 
-    __slots__ = ("_changes", "_minds", "_parcel", "tick")
+    __slots__ = ("_changes", "_parcel", "tick")
 
     def __init__(self, swarm: Swarm, inputs: Inputs) -> None:
         state = RestingState(
             simulators.state_of(swarm.simulator, whole=False),
-            fleets.state_of(swarm.fleet, minds=False),
+            fleets.state_of(swarm.fleet),
             swarm.radio.state(),
             loop_state(swarm),
             [desk.state() for desk in swarm.desks],
             inputs.posted,
         )
-        self.tick, self._minds, self._changes = swarm.simulator.tick, swarm.fleet.minds.resting(), tuple(inputs.changes)
+        self.tick, self._changes = swarm.simulator.tick, tuple(inputs.changes)
         self._parcel = pack(state, room_for(len(swarm.fleet)))
 
     def wake(self, swarm: Swarm, again: Callable[[], Swarm]) -> Inputs:
@@ -64,7 +64,7 @@ class RestingSwarm:
         """
         state = unpack(RestingState, self._parcel, room_for(len(swarm.fleet)), "a swarm at rest")
         simulators.restore(swarm.simulator, state.simulator)
-        go_on(swarm, state.fleet, state.radio, state.loop, self._minds)
+        go_on(swarm, state.fleet, state.radio, state.loop)
         for desk, known in zip(swarm.desks, state.desks, strict=True):
             desk.restore(known)
         swarm.fleet.evaluation_log.begin_after(partial(_evaluated_until, self.tick, again))

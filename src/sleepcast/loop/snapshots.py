@@ -25,7 +25,6 @@ from sleepcast.core.serial import UNREADABLE, SerialError, compressed, plain, ro
 from sleepcast.core.version import VERSION
 from sleepcast.fleet import snapshot as fleets
 from sleepcast.fleet.schema import FleetSnapshot
-from sleepcast.fleet.state import MindTable
 from sleepcast.loop.mission import readable
 from sleepcast.loop.population import BriefingState, renumber
 from sleepcast.loop.swarm import MAX_MINDS, Desk, Swarm
@@ -284,17 +283,14 @@ def _resumed(document: SnapshotFile, seed: int | None, threads: int | None) -> S
     return swarm
 
 
-def go_on(
-    swarm: Swarm, fleet: FleetSnapshot, radio: RadioState, loop: LoopState, minds: MindTable | None = None
-) -> None:
-    """Let a swarm go on whose bodies go on already. minds: if they are not in the state of the fleet. Raises
-    SerialError."""
+def go_on(swarm: Swarm, fleet: FleetSnapshot, radio: RadioState, loop: LoopState) -> None:
+    """Let a swarm go on whose bodies go on already. Raises SerialError."""
     wanted = loop.wanted or [[] for _ in loop.orders]
     swarm.mission = [readable(_order(*each)) for each in zip(loop.orders, wanted, strict=True)]
     swarm.given = [(_order(each.order, each.wanted), each.id) for each in loop.given]
     if swarm.simulator.population is not None:
         renumber(swarm)
-    fleets.restore(swarm.fleet, fleet, swarm.now(), minds)
+    fleets.restore(swarm.fleet, fleet, swarm.now())
     swarm.radio.restore(radio, swarm.simulator.names)
     swarm.posted.extend(loop.posted)
     swarm.carried.rest = loop.rest

@@ -30,7 +30,7 @@ PATIENCE = 60.0
 """Seconds to wait for the second process: several times what it takes on a slow machine."""
 
 
-KERNELS = 219
+KERNELS = 34
 """Kernels, each for its types of arguments, that all included scenarios need together: some more on some processors."""
 
 

@@ -39,6 +39,13 @@ THEN = """
 kernels.place(np.array([0, 2, 0], np.int32), 0, 3, np.array([0, 2, 2], np.int32), order)
 print(order.tolist(), "numba" in sys.modules)
 """
+STAYS = """
+from sleepcast.simulator.simd.cached import load
+
+arguments = np.array([[2, 0, 1]], np.int32), start
+before = kernels.begin.address(*arguments)
+print(load("sleepcast.simulator.sonar.kernels:begin"), kernels.begin.address(*arguments) == before)
+"""
 
 
 class Both(NamedTuple):
@@ -69,6 +76,10 @@ def test_a_damaged_entry_is_made_again(tmp_path: Path) -> None:
         file.write_bytes(file.read_bytes()[:-1])
     assert said(FIRST, tmp_path) == ["[0, 2, 2, 3] True"]
     assert said(FIRST, tmp_path) == ["[0, 2, 2, 3] False"]
+
+
+def test_a_kernel_that_was_compiled_here_stays_where_it_is(tmp_path: Path) -> None:
+    assert said(FIRST + STAYS, tmp_path) == ["[0, 2, 2, 3] True", "True True"]
 
 
 def kept(function: Kept, *arguments: object) -> Kept:

@@ -313,10 +313,10 @@ class RangeAndBearing:
         vicinity = self._near.keep(_reach_of(radius), turning=formula.quantity == HEADING)
         if vicinity is None:
             return None
-        asked = question(vicinity, formula, float(radius[0]))
-        call = code["ask_lanes" if len(arguments) == 1 else "ask_coloured"]
+        asked = question(vicinity, formula, float(radius[0]), coloured=len(arguments) > 1)
         usable = self._is_covered if self._hides and self._near.flies else None
-        return NativeCall(call, asked.ctypes.data, code["prepare"], self._near.address, (self._near, asked), usable)
+        near = self._near
+        return NativeCall(code["ask_lanes"], asked.ctypes.data, code["prepare"], near.address, (near, asked), usable)
 
     def _is_covered(self) -> bool:
         """Whether kernels know all that hides neighbours at present."""

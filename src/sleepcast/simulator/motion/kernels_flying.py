@@ -43,7 +43,7 @@ GOES, FREE, LANDED, WAY, CLIMB = range(0, 5 * BLOCK, BLOCK)
 down; how far they have gone over the ground and, those that motors keep in the air, how far they have climbed, m."""
 ROOM = 5 * BLOCK + LANES
 
-for each in (*FORMULAS, rotated):
+for each in FORMULAS:
     usable(each)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from sleepcast.core.angles import CANCELLED
 from sleepcast.simulator.neighbours import kernels_field, neighbourhood
+from sleepcast.simulator.neighbours.kernels_field import AT_ONCE, ROOM, ROW, WAYS, I, around, visible
 from sleepcast.simulator.neighbours.neighbourhood import (
     ANGLE,
     AWAY,
@@ -37,7 +38,7 @@ from sleepcast.simulator.neighbours.neighbourhood import (
     VALUE,
 )
 from sleepcast.simulator.simd.compiled import part, strict, woven
-from sleepcast.simulator.simd.formulas import LANES, arc_tangent, sine_cosine, square_within, wrap
+from sleepcast.simulator.simd.formulas import LANES, arc_tangent, rotated, sine_cosine, square_within, wrap
 from sleepcast.simulator.simd.lanes import (
     long_at,
     pack_at,
@@ -47,23 +48,17 @@ from sleepcast.simulator.simd.lanes import (
     put_whole,
     real_at,
     reals_at,
-    single_at,
-    singles_at,
     stack_room,
     whole_at,
     wholes_at,
 )
-from sleepcast.simulator.simd.vectors import any_of, either, every, how_many, least_of, places, singles
+from sleepcast.simulator.simd.vectors import either, every, how_many, least_of, places, singles
 from sleepcast.simulator.sonar.kernels import GOLDEN, U, cells_around, deviate, mixed
 from sleepcast.simulator.world import kernels_sight
 
-I = np.int32  # noqa: E741  # as short as U
-AT_ONCE = 128
-"""Neighbours that are found before something is asked about them."""
-ROW = AT_ONCE + LANES
-ROOM, WAYS = ROW // 2, ROW
-"""Words for their indices, 32 bits each, with room for LANES more; and for two such rows."""
 SEEN = kernels_sight.SEEN
+NOWHERE = (0.0, 0.0)
+"""The middle of those for whom it is not asked."""
 (
     COUNT,
     PLACE_X,
@@ -297,10 +292,8 @@ def list_each(vicinity, ball, robots, radius, colour, counts, listed, room):
     """See `list_many`."""
     total = 0
     for i in range(len(robots)):
-        within = square_within(radius[i])
-        _, _, count, _ = gather(
-            vicinity, ball, DX, LISTED, 0, robots[i], within, colour[i], 0.0, 0.0, listed + 8 * total
-        )
+        here, within = listed + 8 * total, square_within(radius[i])
+        _, _, count, _ = gather(vicinity, ball, DX, LISTED, 0, robots[i], within, colour[i], NOWHERE, here)
         counts[i] = np.int64(count)
         total += counts[i]
         if total > room:
@@ -311,34 +304,23 @@ def list_each(vicinity, ball, robots, radius, colour, counts, listed, room):
 @strict
 def ask_lanes(question, first, mask, lanes, numbers, found):
     """What a `neighbourhood.question` comes to for the robots from `first` on whose bits are set in `mask`, into the
-    numbers at `found`, of which there are as many as `lanes`. numbers: the radii as they were written; the question has
-    the square, within the reach of the sensor."""
-    answer(question, None, first, mask, lanes, 0, found)
-
-
-@strict
-def ask_coloured(question, first, mask, lanes, numbers, found):
-    """The same of neighbours of one colour for each, which follow the radii."""
-    answer(question, None, first, mask, lanes, numbers + 8 * lanes, found)
+    numbers at `found`, of which there are as many as `lanes`. numbers: the radii as they were written, and the colours
+    if it asks for neighbours of one for each; the question has the square, within the reach of the sensor."""
+    answer(question, None, first, mask, lanes, numbers, found)
 
 
 @strict
 def ask_lanes_in_ball(question, first, mask, lanes, numbers, found):
     """As `ask_lanes`, where something flies."""
-    answer(question, True, first, mask, lanes, 0, found)
-
-
-@strict
-def ask_coloured_in_ball(question, first, mask, lanes, numbers, found):
-    """As `ask_coloured`, where something flies."""
-    answer(question, True, first, mask, lanes, numbers + 8 * lanes, found)
+    answer(question, True, first, mask, lanes, numbers, found)
 
 
 @part
-def answer(question, ball, first, mask, lanes, colours, found):
-    """See `ask_lanes`. colours: where they lie, 0 for any."""
+def answer(question, ball, first, mask, lanes, numbers, found):
+    """See `ask_lanes`."""
     vicinity, quantity, fold = long_at(question, 0), long_at(question, 1), long_at(question, 2)
     frame, row, within = long_at(question, 3), long_at(question, 4), real_at(question, 5)
+    colours = numbers + 8 * lanes if long_at(question, 6) else 0
     if fold == DIRECTION:
         directions(vicinity, ball, quantity, row, first, mask, lanes, within, colours, found)
         return
@@ -355,10 +337,8 @@ def directions(vicinity, ball, quantity, row, first, mask, lanes, within, colour
     for lane in range(LANES):
         total, other, count = 0.0, 0.0, 0.0
         if lane < lanes and mask >> lane & 1:
-            colour = real_at(colours, lane) if colours else nan
-            total, other, count, _ = gather(
-                vicinity, ball, quantity, DIRECTION, row, first + lane, within, colour, 0.0, 0.0, 0
-            )
+            robot, colour = first + lane, real_at(colours, lane) if colours else nan
+            total, other, count, _ = gather(vicinity, ball, quantity, DIRECTION, row, robot, within, colour, NOWHERE, 0)
         put_real(sums, lane, total)
         put_real(others, lane, other)
         put_real(counts, lane, count)
@@ -372,27 +352,20 @@ def directions(vicinity, ball, quantity, row, first, mask, lanes, within, colour
 @part
 def ask(vicinity, ball, quantity, fold, frame, row, robot, within, colour):
     """What a formula comes to for one robot, NaN for unknown. within: see `square_within`."""
+    middle = NOWHERE
     if fold == OUTLIER:
-        # Not as literals, for each of which numba would compile `gather` once more.
-        across_x, across_y, total, none = np.int64(DX), np.int64(DY), np.int64(TOTAL), np.int64(0)
-        across, _, count, _ = gather(vicinity, ball, across_x, total, none, robot, within, colour, 0.0, 0.0, 0)
-        up, _, _, _ = gather(vicinity, ball, across_y, total, none, robot, within, colour, 0.0, 0.0, 0)
-        least = max(count, 1.0)
-        found, _, count, _ = gather(
-            vicinity, ball, quantity, fold, none, robot, within, colour, across / least, up / least, 0
-        )
-    else:
-        found, other, count, best = gather(vicinity, ball, quantity, fold, row, robot, within, colour, 0.0, 0.0, 0)
-        if fold == MEAN:
-            found = found / max(count, 1.0)
-        elif fold == DIRECTION:
-            if not sqrt(found * found + other * other) > CANCELLED * count:
-                return nan
-            return arc_tangent(other, found)
-        elif fold in (LEAST, MOST):
-            found = -best if fold == LEAST else best
+        dx, count = sum_of(vicinity, ball, DX, robot, within, colour)
+        dy, _ = sum_of(vicinity, ball, DY, robot, within, colour)
+        middle = dx / max(count, 1.0), dy / max(count, 1.0)
+    found, other, count, best = gather(vicinity, ball, quantity, fold, row, robot, within, colour, middle, 0)
+    if fold == DIRECTION:
+        return arc_tangent(other, found) if sqrt(found * found + other * other) > CANCELLED * count else nan
     if count == 0.0 and fold != TOTAL:
         return nan
+    if fold == MEAN:
+        found = found / count
+    elif fold in (LEAST, MOST):
+        found = -best if fold == LEAST else best
     near = long_at(vicinity, AROUND)
     if frame == FROM_X:
         return real_at(long_at(near, SENSED_X), robot) + found
@@ -404,148 +377,262 @@ def ask(vicinity, ball, quantity, fold, frame, row, robot, within, colour):
 
 
 @part
-def gather(vicinity, ball, quantity, fold, row, robot, within, colour, middle_x, middle_y, listed):
+def sum_of(vicinity, ball, quantity, robot, within, colour):
+    """The sum of a quantity of all neighbours of one robot, and how many they are."""
+    total, _, count, _ = gather(vicinity, ball, quantity, TOTAL, 0, robot, within, colour, NOWHERE, 0)
+    return total, count
+
+
+@woven
+def gather(vicinity, ball, quantity, fold, row, robot, within, colour, middle, listed):
     """Fold a quantity of all neighbours of one robot. Gives the sum, or the value of the neighbour that is nearest, or
     farthest from the middle; the sum of the sines, where the other one is of cosines; how many they are; and the
     greatest value, or of LEAST the greatest negative one. listed: where LISTED writes them, see `list_many`."""
-    near = long_at(vicinity, AROUND)
-    margin = real_at(vicinity, MARGIN) if long_at(near, TORUS) else 0.0
-    own_x, own_y = real_at(long_at(near, OWN_X), robot) + margin, real_at(long_at(near, OWN_Y), robot) + margin
-    size, columns, reach = real_at(vicinity, SIZE), long_at(vicinity, COLUMNS), real_at(vicinity, REACH)
-    order, start, whose = long_at(vicinity, ORDER), long_at(vicinity, START), long_at(vicinity, SORTED_WHOSE)
-    sorted_x, sorted_y = long_at(vicinity, SORTED_X), long_at(vicinity, SORTED_Y)
-    shared, robots, loss, noise = long_at(near, SHARED), long_at(near, COUNT), real_at(near, LOSS), real_at(near, NOISE)
-    coloured, turned, sine, cosine = colour == colour, long_at(near, TURNED), 0.0, 1.0
-    if turned:
-        sensed = real_at(long_at(near, SENSED_HEADING), robot)
-        sine, cosine = sine_cosine(wrap(sensed - real_at(long_at(near, OWN_HEADING), robot)))
-    cosines, sines = long_at(near, COSINE), long_at(near, SINE)
-    least = within if within < reach * reach else reach * reach
-    plain = not coloured and loss == 0.0
-    measured = noise > 0.0 or quantity == AWAY or fold == NEAREST
-    seen = stack_room(SEEN)
+    near, reach = long_at(vicinity, AROUND), real_at(vicinity, REACH)
+    least, seen = within if within < reach * reach else reach * reach, stack_room(SEEN)
     walls, discs = around(vicinity, near, robot, least, seen)
     veiled, narrow = walls != 0 or discs != 0, kernels_field.is_narrow(near)
-    found, other_found, count, best = 0.0, 0.0, 0.0, -inf
+    points, chance, turn = points_of(vicinity, ball), chance_of(near), turn_of(near, robot)
+    plain = colour != colour and chance[0] == 0.0
     counts = quantity == ONE and fold == TOTAL
-    near_only = counts or (quantity == AWAY and fold == NEAREST and noise == 0.0)
+    near_only = counts or (quantity == AWAY and fold == NEAREST and chance[1] == 0.0)
     merely, nearest = near_only and plain and not (veiled or narrow), every(inf)
-    line, high, left, right = cells_around(own_x, own_y, size, columns, long_at(vicinity, ROWS), reach)
-    own_z, sorted_z, last, rows, span = 0.0, 0, high, 0, 0
-    if ball is not None:
-        own_z, sorted_z = height_of(long_at(near, OWN_Z), robot), long_at(vicinity, SORTED_Z)
-        rows, span = long_at(vicinity, ROWS), high - line
-        bottom, top = layers_around(own_z, size, long_at(vicinity, LAYERS), reach)
-        line, high, last = line + bottom * rows, high + bottom * rows, high + top * rows
-    room, ways, k = stack_room(ROOM), stack_room(WAYS), np.int64(whole_at(start, line * columns + left))
-    while line < high:
-        taken = 0
-        while line < high and taken < AT_ONCE:
-            stop = whole_at(start, line * columns + right)
-            end = min(stop, k + AT_ONCE - taken)
-            for each in range(k, end, LANES):
-                dx, dy = reals_at(sorted_x, each) - own_x, reals_at(sorted_y, each) - own_y
-                squares = dx * dx + dy * dy
-                if ball is not None:
-                    dz = reals_at(sorted_z, each) - own_z
-                    squares = squares + dz * dz
-                close = (squares <= least) & (wholes_at(order, each) != I(robot))
-                close = close & (places() < I(end - each))
-                if merely:  # who the neighbours are does not matter
-                    count += float(how_many(close))
-                    nearest = least_of(nearest, either(close, squares, inf))
-                    continue
-                pack_at(room, taken, places() + I(each), close)
-                if veiled:
-                    pack_at(ways, taken, singles(dx), close)
-                    pack_at(ways, taken + ROW, singles(dy), close)
-                taken += np.int64(how_many(close))
-            k = end
-            if k == stop:
-                line += 1
-                if ball is not None:  # the first row of the next layer
-                    above = line == high and high < last
-                    line, high = (line + rows - span, high + rows) if above else (line, high)
-                k = np.int64(whole_at(start, min(line, high - 1) * columns + left))
+    place, (sums, count) = place_in(vicinity, ball, near, robot), ((0.0, 0.0, -inf), 0.0)
+    block, walk = begin_walk(vicinity, ball, place)
+    room, ways = stack_room(ROOM), stack_room(WAYS)
+    while walk[0] < walk[1]:
+        walk, taken, passed, nearest = find_some(
+            vicinity, ball, points, robot, place, least, block, walk, merely, room, ways if veiled else 0, nearest
+        )
+        count += passed
         if veiled and taken > 0:
             taken = visible(vicinity, near, robot, seen, walls, discs, room, ways, taken)
         if narrow:
-            taken = kernels_field.in_field(vicinity, ball, near, robot, (own_x, own_y, own_z), room, taken)
+            taken = kernels_field.in_field(vicinity, ball, near, robot, place, room, taken)
         if plain and counts:
-            found, count = found + float(taken), count + float(taken)
-            continue
-        if plain and quantity == HEADING and fold == DIRECTION and not turned:
-            for index in range(taken):
-                other = np.int64(whole_at(whose, np.int64(whole_at(room, index))))
-                found, other_found = found + real_at(cosines, other), other_found + real_at(sines, other)
             count += float(taken)
-            continue
-        for index in range(taken):
-            at = np.int64(whole_at(room, index))
-            dx, dy = real_at(sorted_x, at) - own_x, real_at(sorted_y, at) - own_y
-            squares, dz, other = dx * dx + dy * dy, 0.0, np.int64(whole_at(whose, at))
-            if ball is not None:
-                dz = real_at(sorted_z, at) - own_z
-                squares = squares + dz * dz
-            away = sqrt(squares) if measured else 0.0
-            if coloured and real_at(shared, other) != colour:
-                continue
-            if loss > 0.0 or noise > 0.0:
-                multiple = ((U(other) << U(32)) + U(robot)) * GOLDEN
-                if loss > 0.0:
-                    drawn = float(mixed(multiple, U(long_at(near, LOST_KEY))) >> U(11)) * 2.0**-53
-                    if drawn < loss:
-                        continue
-                if noise > 0.0:
-                    wide = noise * away
-                    dx = dx + wide * deviate(mixed(multiple, U(long_at(near, ACROSS_KEY))))
-                    dy = dy + wide * deviate(mixed(multiple, U(long_at(near, UP_KEY))))
-                    squares = dx * dx + dy * dy
-                    if ball is not None:
-                        dz = dz + wide * deviate(mixed(multiple, U(long_at(near, ABOVE_KEY))))
-                        squares = squares + dz * dz
-                    away = sqrt(squares)
-            if fold == LISTED:
-                put_long(listed, np.int64(count), robot << 32 | other)
-                count += 1.0
-                continue
-            if turned:
-                dx, dy = dx * cosine - dy * sine, dx * sine + dy * cosine
-            value, across = 1.0, 0.0
-            if quantity == DX:
-                value = dx
-            elif quantity == DY:
-                value = dy
-            elif quantity == DZ:
-                value = dz
-            elif quantity == AWAY:
-                value = away
-            elif quantity == HEADING:
-                value, across = real_at(cosines, other), real_at(sines, other)
-                if turned:
-                    value, across = value * cosine - across * sine, value * sine + across * cosine
-            elif quantity in (VALUE, ANGLE):
-                value = real_at(shared, row * robots + other)
-                if value != value:
-                    continue
-                if quantity == ANGLE:
-                    across, value = sine_cosine(wrap(value))
-            count += 1.0
-            if fold in (TOTAL, MEAN, DIRECTION):
-                found, other_found = found + value, other_found + across
-            elif fold in (LEAST, MOST):
-                value = -value if fold == LEAST else value
-                best = best if best > value else value  # of 0 and -0 the later one, as NumPy
-            else:
-                key = -away
-                if fold == OUTLIER:
-                    dx, dy = dx - middle_x, dy - middle_y
-                    key = sqrt(dx * dx + dy * dy)
-                if key > best:
-                    found, best = value, key
-    if merely:
-        found = count if counts else least_in(np.sqrt(nearest))
+        elif plain and quantity == HEADING and fold == DIRECTION and not turn[0]:
+            sums, count = add_headings(near, points, room, taken, sums, count)
+        elif fold == LISTED:
+            count = list_some(near, ball, points, chance, robot, place, colour, room, taken, listed, count)
+        else:
+            asked = quantity, fold, row, colour, middle
+            sums, count = fold_some(near, ball, points, chance, asked, robot, place, turn, room, taken, sums, count)
+    found, other_found, best = sums
+    if counts and plain:
+        found = count
+    elif merely:
+        found = least_in(np.sqrt(nearest))
     return found, other_found, count, best
+
+
+@woven
+def place_in(vicinity, ball, near, robot):
+    """Where a robot is in the frame of the sorted points, m."""
+    margin = real_at(vicinity, MARGIN) if long_at(near, TORUS) else 0.0
+    x, y = real_at(long_at(near, OWN_X), robot) + margin, real_at(long_at(near, OWN_Y), robot) + margin
+    return x, y, 0.0 if ball is None else height_of(long_at(near, OWN_Z), robot)
+
+
+@woven
+def points_of(vicinity, ball):
+    """Where the x, y and z of the sorted points lie, and whose they are."""
+    z = 0 if ball is None else long_at(vicinity, SORTED_Z)
+    return long_at(vicinity, SORTED_X), long_at(vicinity, SORTED_Y), z, long_at(vicinity, SORTED_WHOSE)
+
+
+@woven
+def chance_of(near):
+    """Loss and noise."""
+    return real_at(near, LOSS), real_at(near, NOISE)
+
+
+@woven
+def turn_of(near, robot):
+    """Whether a robot may sense another heading than its true one, and sine and cosine of the difference."""
+    if not long_at(near, TURNED):
+        return False, 0.0, 1.0
+    sensed, own = long_at(near, SENSED_HEADING), long_at(near, OWN_HEADING)
+    sine, cosine = sine_cosine(wrap(real_at(sensed, robot) - real_at(own, robot)))
+    return True, sine, cosine
+
+
+@woven
+def begin_walk(vicinity, ball, place):
+    """The cells around a place: the first column and the one after the last, the end of the last layer's rows, the
+    rows of a layer and those that are not passed; and a walk along them: the row that comes next, the end of its
+    layer's, and the next point."""
+    (x, y, z), size, reach = place, real_at(vicinity, SIZE), real_at(vicinity, REACH)
+    columns, rows = long_at(vicinity, COLUMNS), long_at(vicinity, ROWS)
+    line, high, left, right = cells_around(x, y, size, columns, rows, reach)
+    last, others = high, rows - (high - line)
+    if ball is not None:
+        bottom, top = layers_around(z, size, long_at(vicinity, LAYERS), reach)
+        line, high, last = line + bottom * rows, high + bottom * rows, high + top * rows
+    point = np.int64(whole_at(long_at(vicinity, START), line * columns + left))
+    return (left, right, last, rows, others), (line, high, point)
+
+
+@woven
+def find_some(vicinity, ball, points, robot, place, least, block, walk, merely, room, ways, nearest):
+    """Go on with a walk until AT_ONCE points are found whose squares are at most `least`, or it ends: they are written
+    into a room, and the ways to them, if `ways` is not 0. Gives the walk and how many they are; and how many were only
+    counted, as are all where `merely` is true, with the least squares of these and of `nearest`."""
+    (left, right, last, rows, others), (line, high, point) = block, walk
+    columns, start, order = long_at(vicinity, COLUMNS), long_at(vicinity, START), long_at(vicinity, ORDER)
+    taken, passed = 0, 0.0
+    while line < high and taken < AT_ONCE:
+        stop = whole_at(start, line * columns + right)
+        end = min(stop, point + AT_ONCE - taken)
+        for each in range(point, end, LANES):
+            dx, dy, squares = ways_to(ball, points, place, each)
+            close = (squares <= least) & (wholes_at(order, each) != I(robot)) & (places() < I(end - each))
+            if merely:  # who the neighbours are does not matter
+                passed += float(how_many(close))
+                nearest = least_of(nearest, either(close, squares, inf))
+                continue
+            pack_at(room, taken, places() + I(each), close)
+            if ways:
+                pack_at(ways, taken, singles(dx), close)
+                pack_at(ways, taken + ROW, singles(dy), close)
+            taken += np.int64(how_many(close))
+        point = end
+        if point == stop:
+            line += 1
+            if ball is not None and line == high and high < last:  # the first row of the next layer
+                line, high = line + others, high + rows
+            point = np.int64(whole_at(start, min(line, high - 1) * columns + left))
+    return (line, high, point), taken, passed, nearest
+
+
+@woven
+def ways_to(ball, points, place, first):
+    """The ways to the LANES sorted points from `first` on: x, y and the squares of their lengths, m."""
+    (sorted_x, sorted_y, sorted_z, _), (own_x, own_y, own_z) = points, place
+    dx, dy = reals_at(sorted_x, first) - own_x, reals_at(sorted_y, first) - own_y
+    squares = dx * dx + dy * dy
+    if ball is not None:
+        dz = reals_at(sorted_z, first) - own_z
+        squares = squares + dz * dz
+    return dx, dy, squares
+
+
+@woven
+def add_headings(near, points, room, taken, sums, count):
+    """Add the cosines and sines of so many points in a room."""
+    (found, other_found, best), (_, _, _, whose) = sums, points
+    cosines, sines = long_at(near, COSINE), long_at(near, SINE)
+    for index in range(taken):
+        other = np.int64(whole_at(whose, np.int64(whole_at(room, index))))
+        found, other_found = found + real_at(cosines, other), other_found + real_at(sines, other)
+    return (found, other_found, best), count + float(taken)
+
+
+@woven
+def list_some(near, ball, points, chance, robot, place, colour, room, taken, listed, count):
+    """List those of so many points in a room that a robot senses, after so many; gives their number together."""
+    measured = chance[1] > 0.0
+    for index in range(taken):
+        is_sensed, other, _ = sense(near, ball, points, chance, robot, place, colour, measured, whole_at(room, index))
+        if is_sensed:
+            put_long(listed, np.int64(count), robot << 32 | other)
+            count += 1.0
+    return count
+
+
+@woven
+def fold_some(near, ball, points, chance, asked, robot, place, turn, room, taken, sums, count):
+    """Fold what is asked for of those of so many points in a room that a robot senses, see `gather`."""
+    (quantity, fold, row, colour, middle), (turned, sine, cosine) = asked, turn
+    found, other_found, best = sums
+    measured = quantity == AWAY or fold == NEAREST or chance[1] > 0.0
+    for index in range(taken):
+        point = whole_at(room, index)
+        is_sensed, other, way = sense(near, ball, points, chance, robot, place, colour, measured, point)
+        if not is_sensed:
+            continue
+        dx, dy, dz, away = way
+        if turned:
+            dx, dy = rotated(dx, dy, sine, cosine)
+        value, across = value_of(near, quantity, row, other, turn, (dx, dy, dz, away))
+        if value != value:
+            continue
+        count += 1.0
+        if fold in (TOTAL, MEAN, DIRECTION):
+            found, other_found = found + value, other_found + across
+        elif fold in (LEAST, MOST):
+            value = -value if fold == LEAST else value
+            best = best if best > value else value  # of 0 and -0 the later one, as NumPy
+        else:
+            key = -away
+            if fold == OUTLIER:
+                dx, dy = dx - middle[0], dy - middle[1]
+                key = sqrt(dx * dx + dy * dy)
+            if key > best:
+                found, best = value, key
+    return (found, other_found, best), count
+
+
+@woven
+def sense(near, ball, points, chance, robot, place, colour, measured, point):
+    """Whether a robot at this place senses a sorted point, of this colour unless that is NaN; whose it is; and the way
+    to it as it is sensed, m, with its length if that is `measured`."""
+    (sorted_x, sorted_y, sorted_z, whose), (own_x, own_y, own_z), at = points, place, np.int64(point)
+    dx, dy, dz = real_at(sorted_x, at) - own_x, real_at(sorted_y, at) - own_y, 0.0
+    squares, other = dx * dx + dy * dy, np.int64(whole_at(whose, at))
+    if ball is not None:
+        dz = real_at(sorted_z, at) - own_z
+        squares = squares + dz * dz
+    way = dx, dy, dz, sqrt(squares) if measured else 0.0
+    if colour == colour and real_at(long_at(near, SHARED), other) != colour:
+        return False, other, way
+    is_sensed, way = by_chance(near, ball, chance, robot, other, way)
+    return is_sensed, other, way
+
+
+@woven
+def by_chance(near, ball, chance, robot, other, way):
+    """Whether no loss keeps a robot from sensing another one, and how it senses the way to it, m, with its length."""
+    (loss, noise), (dx, dy, dz, away) = chance, way
+    if not (loss > 0.0 or noise > 0.0):
+        return True, way
+    multiple = ((U(other) << U(32)) + U(robot)) * GOLDEN
+    if loss > 0.0 and float(mixed(multiple, U(long_at(near, LOST_KEY))) >> U(11)) * 2.0**-53 < loss:
+        return False, way
+    if noise > 0.0:
+        wide = noise * away
+        dx = dx + wide * deviate(mixed(multiple, U(long_at(near, ACROSS_KEY))))
+        dy = dy + wide * deviate(mixed(multiple, U(long_at(near, UP_KEY))))
+        squares = dx * dx + dy * dy
+        if ball is not None:
+            dz = dz + wide * deviate(mixed(multiple, U(long_at(near, ABOVE_KEY))))
+            squares = squares + dz * dz
+        away = sqrt(squares)
+    return True, (dx, dy, dz, away)
+
+
+@woven
+def value_of(near, quantity, row, other, turn, way):
+    """A quantity of a neighbour to which this way leads; of directions the cosine, and the sine."""
+    (dx, dy, dz, away), (turned, sine, cosine) = way, turn
+    if quantity == DX:
+        return dx, 0.0
+    if quantity == DY:
+        return dy, 0.0
+    if quantity == DZ:
+        return dz, 0.0
+    if quantity == AWAY:
+        return away, 0.0
+    if quantity == HEADING:
+        along, across = real_at(long_at(near, COSINE), other), real_at(long_at(near, SINE), other)
+        return rotated(along, across, sine, cosine) if turned else (along, across)
+    if quantity in (VALUE, ANGLE):
+        value = real_at(long_at(near, SHARED), row * long_at(near, COUNT) + other)
+        if quantity == VALUE:
+            return value, 0.0
+        across, along = sine_cosine(wrap(value))
+        return along, across
+    return 1.0, 0.0
 
 
 @woven
@@ -563,72 +650,3 @@ def layers_around(z, size, layers, reach):
     """The layers of cells within `reach` m of a height: the first and the last one."""
     layer, cells = min(max(int(z / size), 0), layers - 1), int(np.ceil(reach / size))
     return max(layer - cells, 0), min(layer + cells, layers - 1)
-
-
-@part
-def around(vicinity, near, robot, within, seen):
-    """What hides neighbours around a robot, see `kernels_sight.look_around`; walls are -1 where each line has to be
-    walked along."""
-    if long_at(long_at(near, SIGHT), kernels_sight.COUNT) == 0:
-        return 0, 0
-    walls = long_at(vicinity, WALLS)
-    if walls == 0:
-        return -1, 0
-    x, y = real_at(long_at(near, OWN_X), robot), real_at(long_at(near, OWN_Y), robot)
-    return kernels_sight.look_around(walls, x, y, within, seen)
-
-
-@part
-def visible(vicinity, near, robot, seen, walls, discs, room, ways, taken):
-    """Keep those of so many points in a room that nothing hides from a robot; gives their number. seen, walls, discs:
-    see `around`; ways: x and y of the way to each point, float32, in two rows"""
-    if walls < 0:
-        return walked(vicinity, near, robot, room, 0, taken, 0)
-    kept, doubt, depths = 0, np.float32(real_at(long_at(vicinity, WALLS), kernels_sight.DOUBT)), stack_room(LANES)
-    for first in range(0, taken, LANES):
-        depth = kernels_sight.depth(seen, walls, discs, singles_at(ways, first), singles_at(ways, first + ROW))
-        there = places() < I(taken - first)
-        if any_of(there & (np.abs(depth) <= doubt)):
-            put_reals(depths, 0, depth)
-            for index in range(first, min(first + LANES, taken)):
-                one = single_at(depths, index - first)
-                if abs(one) <= doubt:
-                    kept = walked(vicinity, near, robot, room, index, index + 1, kept)
-                else:
-                    put_whole(room, kept, whole_at(room, index))
-                    kept += one < np.float32(0.0)
-        else:
-            clear = there & (depth < np.float32(0.0))
-            pack_at(room, kept, wholes_at(room, first), clear)
-            kept += np.int64(how_many(clear))
-    return kept
-
-
-@part
-def walked(vicinity, near, robot, room, first, last, kept):
-    """Keep those points in a room from `first` to `last` (exclusive) that nothing hides, after so many that are kept;
-    gives their number together. For each one the cells between are looked at."""
-    x, y = real_at(long_at(near, OWN_X), robot), real_at(long_at(near, OWN_Y), robot)
-    for index in range(first, last):
-        point = whole_at(room, index)
-        seen_x, seen_y = place_of(vicinity, near, x, y, np.int64(point))
-        put_whole(room, kept, point)
-        kept += not kernels_sight.hidden(long_at(near, SIGHT), x, y, seen_x, seen_y)
-    return kept
-
-
-@woven
-def place_of(vicinity, near, x, y, point):
-    """Where a sorted point is seen from x, y, in the world's frame."""
-    if not long_at(near, TORUS):
-        return real_at(long_at(vicinity, SORTED_X), point), real_at(long_at(vicinity, SORTED_Y), point)
-    other = np.int64(whole_at(long_at(vicinity, SORTED_WHOSE), point))
-    seen_x, seen_y = real_at(long_at(near, PLACE_X), other), real_at(long_at(near, PLACE_Y), other)
-    return unrolled(x, seen_x, real_at(near, WIDTH)), unrolled(y, seen_y, real_at(near, HEIGHT))
-
-
-@part
-def unrolled(place, seen, around):
-    """See `sight.unrolled`."""
-    way, half = seen - place, around / 2.0
-    return seen - around if way > half else (seen + around if way < -half else seen)

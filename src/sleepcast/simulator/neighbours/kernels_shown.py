@@ -11,22 +11,35 @@ from math import nan, sqrt
 import numpy as np
 
 from sleepcast.simulator.neighbours import kernels_field
-from sleepcast.simulator.neighbours.kernels_neighbours import height_of, unrolled
+from sleepcast.simulator.neighbours.kernels_field import unrolled
+from sleepcast.simulator.neighbours.kernels_neighbours import (
+    COUNT,
+    HEIGHT,
+    OWN_X,
+    OWN_Y,
+    OWN_Z,
+    PLACE_X,
+    PLACE_Y,
+    PLACE_Z,
+    SENSED_X,
+    SENSED_Y,
+    SENSED_Z,
+    SHARED,
+    SIGHT,
+    TRUE_HEADING,
+    WIDTH,
+    by_chance,
+    chance_of,
+    height_of,
+    turn_of,
+)
 from sleepcast.simulator.neighbours.neighbourhood import AWAY, BEARING, DX, DY, DZ, HEADING, PITCH, Near
 from sleepcast.simulator.simd.compiled import strict, woven
-from sleepcast.simulator.simd.formulas import arc_tangent, shortest, sine_cosine, wrap
+from sleepcast.simulator.simd.formulas import arc_tangent, rotated, shortest, sine_cosine
 from sleepcast.simulator.simd.lanes import long_at, real_at
-from sleepcast.simulator.sonar.kernels import GOLDEN, U, deviate, mixed
 from sleepcast.simulator.world import kernels_sight
 
-COUNT, SHARED, TURNED, SIGHT, SEEN_PITCH = map(int, (Near.COUNT, Near.SHARED, Near.TURNED, Near.SIGHT, Near.SEEN_PITCH))
-PLACE_X, PLACE_Y, PLACE_Z, TRUE_HEADING = map(int, (Near.X, Near.Y, Near.Z, Near.HEADING))
-SENSED_X, SENSED_Y, SENSED_Z, SENSED_HEADING = map(
-    int, (Near.SENSED_X, Near.SENSED_Y, Near.SENSED_Z, Near.SENSED_HEADING)
-)
-OWN_X, OWN_Y, OWN_Z, OWN_HEADING = map(int, (Near.OWN_X, Near.OWN_Y, Near.OWN_Z, Near.OWN_HEADING))
-WIDTH, HEIGHT, LOSS, NOISE = map(int, (Near.WIDTH, Near.HEIGHT, Near.LOSS, Near.NOISE))
-LOST_KEY, ACROSS_KEY, UP_KEY, ABOVE_KEY = map(int, (Near.LOST_KEY, Near.ACROSS_KEY, Near.UP_KEY, Near.ABOVE_KEY))
+SEEN_PITCH = int(Near.SEEN_PITCH)
 
 
 @strict
@@ -54,14 +67,14 @@ def show_each(near, ball, quantity, row, robots, others, reach, found):
         other = np.int64(number)
         if float(other) != number or other == robot:
             continue
-        seen, dx, dy, dz, away = way_to(near, ball, robot, other, reach)
+        seen, way = way_to(near, ball, robot, other, reach)
         if seen:
-            found[i] = quantity_of(near, ball, quantity, row, robot, other, (dx, dy, dz, away))
+            found[i] = quantity_of(near, ball, quantity, row, robot, other, way)
 
 
 @woven
 def way_to(near, ball, robot, other, reach):
-    """Whether a robot senses another one, and the way to it as it is sensed, with its length, in the world's frame."""
+    """Whether a robot senses another one, and how it senses the way to it, m, with its length, in the world's frame."""
     own_x, own_y = real_at(long_at(near, OWN_X), robot), real_at(long_at(near, OWN_Y), robot)
     seen_x, seen_y = real_at(long_at(near, PLACE_X), other), real_at(long_at(near, PLACE_Y), other)
     width, height = real_at(near, WIDTH), real_at(near, HEIGHT)
@@ -70,35 +83,21 @@ def way_to(near, ball, robot, other, reach):
     if ball is not None:
         dz = height_of(long_at(near, PLACE_Z), other) - height_of(long_at(near, OWN_Z), robot)
         squares = squares + dz * dz
-    away = sqrt(squares)
-    if away > reach:
-        return False, dx, dy, dz, away
+    way = dx, dy, dz, sqrt(squares)
+    if way[3] > reach:
+        return False, way
     if kernels_field.is_narrow(near):
         ahead, aside, upwards = kernels_field.direction_of(near, robot)
         along = dx * ahead + dy * aside
         if ball is not None:
             along = along + dz * upwards
-        if not kernels_field.is_in_field(near, along, away):
-            return False, dx, dy, dz, away
+        if not kernels_field.is_in_field(near, along, way[3]):
+            return False, way
     if long_at(long_at(near, SIGHT), kernels_sight.COUNT) > 0:
         seen_x, seen_y = unrolled(own_x, seen_x, width), unrolled(own_y, seen_y, height)
         if kernels_sight.hidden(long_at(near, SIGHT), own_x, own_y, seen_x, seen_y):
-            return False, dx, dy, dz, away
-    loss, noise = real_at(near, LOSS), real_at(near, NOISE)
-    if loss > 0.0 or noise > 0.0:
-        multiple = ((U(other) << U(32)) + U(robot)) * GOLDEN
-        if loss > 0.0 and float(mixed(multiple, U(long_at(near, LOST_KEY))) >> U(11)) * 2.0**-53 < loss:
-            return False, dx, dy, dz, away
-        if noise > 0.0:
-            wide = noise * away
-            dx = dx + wide * deviate(mixed(multiple, U(long_at(near, ACROSS_KEY))))
-            dy = dy + wide * deviate(mixed(multiple, U(long_at(near, UP_KEY))))
-            squares = dx * dx + dy * dy
-            if ball is not None:
-                dz = dz + wide * deviate(mixed(multiple, U(long_at(near, ABOVE_KEY))))
-                squares = squares + dz * dz
-            away = sqrt(squares)
-    return True, dx, dy, dz, away
+            return False, way
+    return by_chance(near, ball, chance_of(near), robot, other, way)
 
 
 @woven
@@ -112,11 +111,9 @@ def quantity_of(near, ball, quantity, row, robot, other, way):
             return real_at(long_at(near, SENSED_Z), robot) + dz
         if quantity == PITCH:
             return real_at(long_at(near, SEEN_PITCH), other)
-    turned, sine, cosine = long_at(near, TURNED), 0.0, 1.0
+    turned, sine, cosine = turn_of(near, robot)
     if turned:
-        sensed_heading, own_heading = long_at(near, SENSED_HEADING), long_at(near, OWN_HEADING)
-        sine, cosine = sine_cosine(wrap(real_at(sensed_heading, robot) - real_at(own_heading, robot)))
-        dx, dy = dx * cosine - dy * sine, dx * sine + dy * cosine
+        dx, dy = rotated(dx, dy, sine, cosine)
     if quantity == DX:
         return real_at(long_at(near, SENSED_X), robot) + dx
     if quantity == DY:
@@ -124,7 +121,7 @@ def quantity_of(near, ball, quantity, row, robot, other, way):
     if quantity == HEADING:
         across, along = sine_cosine(real_at(long_at(near, TRUE_HEADING), other))
         if turned:
-            along, across = along * cosine - across * sine, along * sine + across * cosine
+            along, across = rotated(along, across, sine, cosine)
         return arc_tangent(across, along)
     if quantity == BEARING:
         return arc_tangent(dy, dx) if dx != 0.0 or dy != 0.0 else nan

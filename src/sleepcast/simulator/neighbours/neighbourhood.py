@@ -353,7 +353,8 @@ def edge_of(model: NeighbourModel) -> float:
     return float(sine_cosine(np.array(model.field / 2.0))[1]) if model.field < WHOLE_TURN else ALL_SIDES
 
 
-def question(vicinity: Vicinity, formula: Formula, radius: float) -> NDArray[np.int64]:
-    """The table of one question, for native code: the address of a vicinity, a formula, and the `square_within` of the
-    radius (m)."""
-    return np.array([vicinity.address, *formula, np.float64(square_within(radius)).view(np.int64)], np.int64)
+def question(vicinity: Vicinity, formula: Formula, radius: float, *, coloured: bool) -> NDArray[np.int64]:
+    """The table of one question, for native code: the address of a vicinity, a formula, the `square_within` of the
+    radius (m), and whether it asks for neighbours of one colour."""
+    within = np.float64(square_within(radius)).view(np.int64)
+    return np.array([vicinity.address, *formula, within, coloured], np.int64)

@@ -25,7 +25,6 @@ SIGNATURES: Mapping[str, tuple[str, str]] = {
     "begin": ("void", "i64"),
     "prepare": ("void", "i64"),
     "ask_lanes": ("void", "i64 i64 i64 i64 i64 i64"),
-    "ask_coloured": ("void", "i64 i64 i64 i64 i64 i64"),
 }
 """The kernels of that module that native code calls: what each gives and takes."""
 IN_BALL = "_in_ball"

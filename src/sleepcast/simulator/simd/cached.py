@@ -167,7 +167,7 @@ def in_use() -> list[str] | None:
 def load(kernel: str) -> bool:
     """Load a kernel that was `in_use` elsewhere; gives whether the cache has it."""
     found = _kernel(*kernel.split(":"))
-    if not found._load():
+    if found.entries is None and not found._load():
         found.entries = None  # it was not called yet
     return found.entries is not None
 

@@ -2,11 +2,11 @@
 are independent of where the package is installed. (numba's own cache uses path, time and text of one file.)
 
 Contraction to fused multiply-adds is off (results would differ between processors). Only `strict` kernels allow
-infinities and NaN. Every function states its mode, or it would inherit that of its first caller. Compiled functions
-release the GIL.
+infinities and NaN. Every function states its mode and whether it is inlined, or it would inherit that of its first
+caller. Compiled functions release the GIL.
 
 Only kernels allocate arrays, not the functions they call, so that numba need not count references (with atomic
-instructions) at every call.
+instructions) at every call. LLVM optimizes a whole kernel once, with all functions in it, and only kernels are kept.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ import msgspec
 import numba
 from numba.core import serialize, types
 from numba.core.caching import NullCache
-from numba.core.compiler import CompileResult
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler, CompileResult
 from numba.core.runtime.nrt import rtsys
 from numba.extending import overload, register_jitable
 
@@ -32,15 +33,44 @@ from sleepcast.simulator.simd.entry import NoEntryError, entry_of
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 FASTMATH = {"nnan", "ninf", "nsz"}
-PART: dict[str, Any] = {"no_cpython_wrapper": True, "_nrt": False}
+
+
+class PartLibrary(JITCodeLibrary):
+    """LLVM's code of a function that only kernels call. numba would optimize it, and make machine code of it and of all
+    that it calls, though each kernel is linked with LLVM's code, optimized again, and has machine code of its own."""
+
+    def _optimize_final_module(self) -> None:
+        """It is the kernel that is optimized."""
+
+    def _finalize_final_module(self) -> None:
+        self._finalized = True
+
+    @property
+    def codegen(self) -> PartLibrary:
+        """Whom numba tells where Python's objects are that machine code needs."""
+        return self
+
+    def set_env(self, name: str, environment: object) -> None:
+        """There is no machine code."""
+
+
+class PartCompiler(Compiler):
+    """numba's compiler, for functions that only kernels call."""
+
+    def __init__(self, typing: Any, target: Any, library: None, *rest: Any) -> None:
+        kept: Any = PartLibrary
+        super().__init__(typing, target, kept(target.codegen(), "part"), *rest)  # type: ignore[no-untyped-call]  # numba's
+
+
+PART: dict[str, Any] = {"no_cpython_wrapper": True, "_nrt": False, "pipeline_class": PartCompiler}
 """For functions that only kernels call: no Python wrapper, no reference counting."""
 
 
 class KernelCache(NullCache):
-    """numba's cache of one function, by the types of its arguments. called: also from Python, not by kernels alone."""
+    """numba's cache of one kernel, by the types of its arguments."""
 
-    def __init__(self, function: Callable[..., Any], *, called: bool) -> None:
-        self._function, self._entered = function, called and readable()
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function, self._entered = function, readable()
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The machine code for these types, None if there is none, or if its entry is lost."""
@@ -90,7 +120,7 @@ def inlined(function: Kernel) -> Kernel:
 
 
 def part(function: Kernel) -> Kernel:
-    """A part of `strict` kernels that is compiled separately; not callable from Python."""
+    """A part of `strict` kernels that LLVM inlines where it finds that worth it; not callable from Python."""
     return _made(function, fastmath=False, **PART)
 
 
@@ -100,13 +130,13 @@ def woven(function: Kernel) -> Kernel:
 
 
 def _made(function: Kernel, **options: Any) -> Kernel:
-    options |= {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-    made = numba.njit(**options)(function)
-    if Path(function.__code__.co_filename).resolve().is_relative_to(ROOM) and "<locals>" not in function.__qualname__:
-        called = not options.get("no_cpython_wrapper")
-        made._cache = KernelCache(
-            function, called=called
-        )  # the index of numba's own would not include all dependencies
+    modes: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "forceinline": False}
+    made: Any = numba.njit(**modes | options)(function)
+    if "pipeline_class" in options:
+        typed = made.get_call_template
+        made.get_call_template = lambda kinds, named: typed(tuple(map(types.unliteral, kinds)), named)
+    elif Path(function.__code__.co_filename).resolve().is_relative_to(ROOM) and "<locals>" not in function.__qualname__:
+        made._cache = KernelCache(function)  # the index of numba's own would not include all dependencies
     return cast(Kernel, made)
 
 
@@ -117,11 +147,11 @@ def _either_of_numbers(condition, yes, no):  # type: ignore[no-untyped-def]  # n
 
 def usable(formula: Callable[..., Any]) -> None:
     """Let kernels call a formula that is also Python's."""
-    register_jitable(forceinline=True, fastmath=False, error_model="numpy")(formula)
+    register_jitable(forceinline=True, fastmath=False, error_model="numpy", **PART)(formula)
 
 
 for each in (
     *(formulas.sine_of_rest, formulas.sine_cosine, formulas.arc_tangent),
-    *(formulas.wrap, formulas.shortest, formulas.square_within),
+    *(formulas.wrap, formulas.shortest, formulas.square_within, formulas.rotated),
 ):
     usable(each)

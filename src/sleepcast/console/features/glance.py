@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import floor, inf, log10
 from typing import Protocol
 
 import msgspec
@@ -18,8 +19,8 @@ POSE = ("x", "y", "heading")
 """The map shows these better than any number,"""
 OF_PLACES = ("_x", "_y")
 """and where places are, which robots are told under such names."""
-
-
+DIGITS = 3
+"""Of the largest of the three values that stand in one row: more do not fit there, and nobody compares them."""
 MAX_LATEST = 5
 """Reports that are shown."""
 
@@ -82,4 +83,14 @@ def _over(values: Values, name: str, places: Index) -> ShownQuantity:
         numbers = [quantile(known, share) for share in (0.0, 0.5, 1.0)]
     elif known.size:
         numbers = [float(known.min()), float(np.median(known)), float(known.max())]
-    return ShownQuantity(name, [value_in_words(number, quantity.unit) for number in numbers], column.size - known.size)
+    shown = [value_in_words(number, quantity.unit) for number in side_by_side(numbers)]
+    return ShownQuantity(name, shown, column.size - known.size)
+
+
+def side_by_side(numbers: list[float]) -> list[float]:
+    """Numbers as they are read beside each other: to three digits of the largest, but to whole ones at least."""
+    largest = max(map(abs, numbers), default=0.0)
+    if not 0.0 < largest < inf:
+        return numbers
+    places = max(0, DIGITS - 1 - floor(log10(largest)))
+    return [round(number, places) + 0.0 for number in numbers]  # never -0

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import gc
-import weakref
 
 import pytest
 
 import sleepcast as sc
 from sleepcast.api import worlds as many
-from sleepcast.loop import Swarm
 
 
 def worlds(**given: object) -> sc.Worlds:
@@ -85,21 +83,17 @@ def test_a_world_whose_robots_have_reported_a_failing_rule_stays_awake() -> None
     assert world.is_awake
 
 
-def test_the_fleet_of_a_resting_world_is_let_go_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("scenario", ["bravo", "maze", "mixed", "recruit", "two-desks"])
+def test_the_fleet_of_a_resting_world_is_gone_at_once(scenario: str) -> None:
     """At once: nothing is left for the collector of garbage, which does not run here."""
-    made: weakref.WeakSet[Swarm] = weakref.WeakSet()
-    make = Swarm.__init__
-
-    def noted(swarm: Swarm, *given: object, **named: object) -> None:
-        made.add(swarm)
-        make(swarm, *given, **named)  # type: ignore[arg-type]  # whatever a swarm is made of
-
-    monkeypatch.setattr(Swarm, "__init__", noted)
+    together = sc.open_many(scenario, seeds=2, mission=True, quiet=True, threads=1)
+    first, second = together._worlds.values()
+    first.act(lambda fleet: fleet.run(3, quiet=True))  # which imports and compiles
+    gc.collect()
     gc.disable()
     try:
-        together = worlds(seeds=1, over={}).run(1, quiet=True)
-        left = set(made)
+        second.act(lambda fleet: fleet.run(3, quiet=True))
+        assert gc.collect() == 0
     finally:
         gc.enable()
-    assert together.time == 1.0
-    assert not left
+    assert not second.is_awake

@@ -79,9 +79,9 @@ class SimulatedFleet(Fleet):
     def _dissolve(self) -> None:
         """Let go of all at once, for those whose fleet nobody else has: its parts know each other, so that otherwise
         it would wait in memory for the garbage collector."""
-        quiet = vars(self.swarm).get("quiet")
-        parts = (self, self.swarm, self.station, self.swarm.fleet, self.swarm.simulator.bodies, quiet)
-        for part in parts:
+        swarm, fleet, bodies = self.swarm, self.swarm.fleet, self.swarm.simulator.bodies
+        minds = fleet, fleet.memory, fleet.bids, fleet.timing
+        for part in (self, swarm, *swarm.desks, *minds, bodies, *bodies.parts, vars(swarm).get("quiet")):
             if part is not None:
                 vars(part).clear()
 

@@ -97,7 +97,7 @@ class Evaluation(ABC):
         """Begin an evaluation on these robots."""
         self.top, self.depth, self.levels, self.dead = program, 0, program.height, None
         self.noted, self._faults = [], None
-        self.matched[rows.index] = program.test is None
+        self.matched[rows.index] = program.for_everybody
         if self._entered is not None:
             self._entered[rows.index] = 0
 

@@ -47,7 +47,7 @@ def walk_through(memory: Evaluation, program: Program, rows: Rows) -> Column:
     values = pieces[0] if len(pieces) == 1 else np.concatenate(pieces) if pieces else np.empty(0)
     if memory.dead is not None:
         values = np.where(memory.dead[rows.index], nan, values)
-    if program.test is program:
+    if program.is_test:
         memory.matched[rows.index] = is_true(values)
         if memory.undecided is not None:
             memory.undecided[rows.index] = np.isnan(values)

@@ -408,7 +408,7 @@ def _moves(part: Part, tracer: Tracer) -> bool:
 
 def culprit(program: Program, tracer: Tracer) -> Part | None:
     """The first operand of the program's test that was not true: the smallest part that says why."""
-    if program.test is None:
+    if program.for_everybody:
         return None
     part = deciding(program.root)
     if part is None or not part.parts:

@@ -58,7 +58,8 @@ class Program:
     meanings: what they were when it was checked, as far as they had been learned.
     declares: rules and groups that the text itself makes.
     stores: keys that it stores expressions under, with what those use.
-    test: the top-level test as a program of its own, None if everybody matches.
+    is_test: whether it is nothing but a test, whose value says whether it held.
+    for_everybody: whether it has no test, so that everybody matches.
     acts, chancy: of the whole program.
     slots: the length of values it needs.
     """
@@ -81,12 +82,21 @@ class Program:
         self._look_at(parts)
         self.runs = 0
         self.code: Code | None = None
-        self.test = self._find_test() if parameters == 0 else None
+        self.is_test = False
+        self._test: Program | None = None
+        if parameters == 0:
+            self._find_test()
+        self.for_everybody = not self.is_test and self._test is None
 
     @property
     def vocabulary(self) -> Vocabulary:
         """What its names mean; an empty one when no robot has that any more."""
         return self._vocabulary() or Vocabulary()
+
+    @property
+    def test(self) -> Program | None:
+        """The top-level test as a program of its own, None if everybody matches."""
+        return self if self.is_test else self._test  # a program that kept itself would be garbage that is searched for
 
     def run(self, memory: Memory, *arguments: float) -> float:
         """Enter the program: charge its cost, evaluate it, give its value. Raises OutOfSteps."""
@@ -121,20 +131,18 @@ class Program:
         self.acts = any(map(is_acting, parts))
         self.chancy = not CHANCY.isdisjoint(ops)
 
-    def _find_test(self) -> Program | None:
+    def _find_test(self) -> None:
         part = deciding(self.root)
-        if part is None:
-            return None
-        tests = _watch(part)
-        if not tests:
-            return None
+        tests = () if part is None else _watch(part)
+        if part is None or not tests:
+            return
         if part is self.root and part.op == "and" and len(tests) == len(part.parts):
-            part.watch = 0  # nothing but a test: its value says whether it held
-            return self
+            part.watch = 0
+            self.is_test = True
+            return
         root = tests[0] if len(tests) == 1 else Part("and" if part.op == "and" else "or", part.form, tests)
-        test = self._of(_within(self.root, part, root))
-        test.test = test
-        return test
+        self._test = test = self._of(_within(self.root, part, root))
+        test.is_test, test.for_everybody = True, False
 
     @cached_property
     def bid_cost(self) -> Program | None:
@@ -147,7 +155,8 @@ class Program:
         piece = Program.__new__(Program)
         piece.__dict__.update(self.__dict__)
         piece.root, piece.form, piece.cost = root, root.form, cost(root)
-        piece.runs, piece.code, piece.test = 0, None, None
+        piece.runs, piece.code, piece._test = 0, None, None
+        piece.is_test, piece.for_everybody = False, True
         piece._look_at(walk(root))
         return piece
 
@@ -355,13 +364,13 @@ def _meanings(program: Program, names: Names) -> tuple[object, ...]:
 def evaluate(program: Program, memory: Memory) -> float:
     """One evaluation from outside: a fresh budget, and no way out but a value; past the budget a fault and unknown."""
     memory.steps, memory.depth, memory.levels = program.cost, 0, program.height
-    memory.matched = program.test is None
+    memory.matched = program.for_everybody
     code, values = program.code, memory.values
     try:
         value = program.go(memory) if code is None or len(values) < program.slots else code(values, memory)
     except OutOfSteps:
         return memory.fault(program.root, f"out of steps: at most {MAX_STEPS} in one evaluation")
-    if program.test is program:
+    if program.is_test:
         memory.matched = value < 0.0 or value > 0.0
     return value
 
@@ -371,12 +380,12 @@ def decide(program: Program, memory: Memory, walker: Walker | None = None) -> fl
     foretold or explained. The program is walked, because rules, whose code has to be fast, need not know it. walker:
     walks it, for whoever looks at its parts."""
     memory.steps, memory.depth, memory.levels = program.cost, 0, program.height
-    memory.matched, memory.undecided = program.test is None, False
+    memory.matched, memory.undecided = program.for_everybody, False
     memory.values.extend([nan] * (program.slots - len(memory.values)))
     try:
         value = (walker or Walker(memory, program)).value(program.root)
     except OutOfSteps:
         value = memory.fault(program.root, f"out of steps: at most {MAX_STEPS} in one evaluation")
-    if program.test is program:
+    if program.is_test:
         memory.matched, memory.undecided = value < 0.0 or value > 0.0, value != value
     return value

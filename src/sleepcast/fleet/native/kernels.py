@@ -123,6 +123,14 @@ class MadeKernels(dict[tuple[tuple[Rule, ...], int], Kernel]):
             found = self._of_mind.setdefault(mind, found)
         return found
 
+    def keep(self, piece: tuple[Rule, ...], lanes: int, made: Future[Kernel]) -> None:
+        """Let other fleets use what was made for one, if anything was."""
+        if made.exception():
+            return
+        if len(self) >= MAX_KERNELS:
+            self.clear()
+        self[piece, lanes] = made.result().unbound()
+
     def known(self, mind: Mind) -> RuleSequence | None:
         """The rules of a mind, if anybody has asked for them."""
         return self._of_mind.get(mind)
@@ -148,6 +156,19 @@ class TakenCode:
         return self._code
 
 
+class ReadyCount:
+    """How many pieces of native code have become ready. Futures keep whom they call: they count here, and know nothing
+    of the fleet, which then needs no garbage collector to be gone."""
+
+    __slots__ = ("number",)
+
+    def __init__(self) -> None:
+        self.number = 0
+
+    def count(self, made: object) -> None:
+        self.number += 1
+
+
 class Kernels:
     """The native code of a fleet's programs.
 
@@ -170,7 +191,7 @@ class Kernels:
         self._plans: dict[RuleSequence, SequencePlan] = {}
         self._rules: dict[tuple[Rule, ...], Future[Kernel] | TakenCode] = {}
         self._texts: dict[Program, int | Future[Kernel] | None] = {}
-        self._ready = 0
+        self._ready = ReadyCount()
         self._part: NDArray[np.uint8] = np.zeros(0, np.uint8)
 
     @cached_property
@@ -192,8 +213,8 @@ class Kernels:
         plan.rounds += 1
         if plan.rounds == max(self._hot, 1):
             self._ask_for(sequence, state)
-        if plan.version != self._ready:
-            plan.version = self._ready
+        if plan.version != self.ready:
+            plan.version = self.ready
             plan.legs = tuple(self._legs(sequence.rules))
             plan.native = any(leg.kernel is not None for leg in plan.legs)
         return plan if plan.native else None
@@ -201,13 +222,13 @@ class Kernels:
     @property
     def ready(self) -> int:
         """How many pieces of native code have become ready."""
-        return self._ready
+        return self._ready.number
 
     def known_plan(self, mind: Mind) -> SequencePlan | None:
         """The plan of a mind if native code evaluates all of its rules, as it is now; None otherwise."""
         sequence = self._made.known(mind)
         plan = None if sequence is None else self._plans.get(sequence)
-        if plan is None or plan.version != self._ready or not plan.legs:
+        if plan is None or plan.version != self.ready or not plan.legs:
             return None
         return plan if all(leg.kernel is not None for leg in plan.legs) else None
 
@@ -227,15 +248,7 @@ class Kernels:
                     self._rules[piece] = TakenCode(made.of(self._bodies))
                 except UncompiledError as error:
                     self._rules[piece] = TakenCode(error)
-                self._ready += 1
-
-    def _leave(self, piece: tuple[Rule, ...], lanes: int, future: Future[Kernel]) -> None:
-        """Let other fleets use what was made for this one."""
-        if future.exception() or not self._shares:
-            return
-        if len(self._made) >= MAX_KERNELS:
-            self._made.clear()
-        self._made[piece, lanes] = future.result().unbound()
+                self._ready.number += 1
 
     def _ask_for(self, sequence: RuleSequence, state: FleetState) -> None:
         if len(self._rules) >= MAX_KERNELS:
@@ -248,15 +261,13 @@ class Kernels:
                 made = self._maker.submit(Kernel, programs, names, lanes(state), bodies=self._bodies)
                 self._rules[piece] = made
                 asked.append(made)
-                made.add_done_callback(partial(self._leave, piece, lanes(state)))
-                made.add_done_callback(self._count)
+                if self._shares:
+                    made.add_done_callback(partial(self._made.keep, piece, lanes(state)))
+                made.add_done_callback(self._ready.count)
         if self._hot == 0:
             self.settle()
         elif not busy:
             wait(asked, PATIENCE)
-
-    def _count(self, made: Future[Kernel]) -> None:
-        self._ready += 1
 
     def _legs(self, rules: tuple[Rule, ...]) -> Iterator[Leg]:
         """From each position the longest piece with code; rules in between are walked."""
@@ -315,7 +326,7 @@ class Kernels:
         values, matched = np.empty(state.count), memory.matched
         sinks = [ResultColumns(values, matched.view(np.uint8), None)]
         left = self.evaluate(code.result(), state, rows, moment(state, rows), sinks)
-        matched[left.index] = program.test is None
+        matched[left.index] = program.for_everybody
         return values[rows.index], left
 
     def _meet(self, program: Program, times: int, state: FleetState) -> None:

@@ -105,9 +105,9 @@ class Lowering:
         self._locals = [a.cell(a.real, a.nan) for _ in range(program.locals)]
         self._depth, self._levels = 0, program.height
         value = self.value(program.root, mask)
-        if program.test is None:
+        if program.for_everybody:
             a.put(self.matched, a.truth, mask)
-        elif program.test is program:
+        elif program.is_test:
             a.put(self.matched, a.truth, self._true(value))
         return value
 

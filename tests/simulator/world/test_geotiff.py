@@ -64,6 +64,13 @@ def written(
     return folder / "hills.tif"
 
 
+def noted(name: str, value: str) -> dict[int, str]:
+    """The tag in which GDAL notes this of a band."""
+    return {
+        42112: f'<GDALMetadata>\n  <Item name="{name}" sample="0" role="{name.lower()}">{value}</Item>\n</GDALMetadata>'
+    }
+
+
 def scenario(folder: Path, change: tuple[str, str] = ("", "")) -> Scenario:
     (folder / "scenario.toml").write_text(WORLD.replace(*change), encoding="utf-8")
     return load(folder)
@@ -97,6 +104,21 @@ def test_numbers_of_all_kinds_are_heights(tmp_path: Path, kind: str, compression
     )
 
 
+@pytest.mark.parametrize(
+    "note", [noted("SCALE", "1"), noted("OFFSET", "0"), noted("UNITTYPE", "metre"), noted("TINT", "0.1")]
+)
+def test_what_gdal_notes_of_a_band_may_say_that_it_is_in_metres(tmp_path: Path, note: Mapping[int, object]) -> None:
+    assert read_geotiff(written(tmp_path, tags=note)).heights.tolist() == HEIGHTS.tolist()
+
+
+@pytest.mark.parametrize("content", [b"", b"heights", b"II*\0" + bytes(4), b"II*\0\x08\0\0\0" + bytes(6)])
+def test_a_file_with_the_name_of_one_is_refused_as_one(tmp_path: Path, content: bytes) -> None:
+    for name in ("hills.tif", "hills.TIFF"):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(SettingsError, match=r"(?i)hills\.tiff?: no GeoTIFF that can be read"):
+            scenario(tmp_path, ("hills.tif", name))
+
+
 def test_a_level_one_is_level(tmp_path: Path) -> None:
     written(tmp_path, np.full((8, 12), 99.0, np.float32))
     assert scenario(tmp_path).ground_at(50.0, 20.0) == 0.0
@@ -113,6 +135,10 @@ def test_a_level_one_is_level(tmp_path: Path) -> None:
         (UTM_32, {33550: (0.0, 5.0, 0.0)}, "its pixels are 0 by 5 m"),
         (UTM_32, {42113: "430"}, "1 of its pixels have no height: gdal_fillnodata.py"),
         (UTM_32, {42113: "many"}, "no GeoTIFF that can be read"),
+        (UTM_32, noted("SCALE", "0.1"), "its heights are scaled: gdal_translate -unscale"),
+        (UTM_32, noted("OFFSET", "-100"), "its heights are scaled: gdal_translate -unscale"),
+        (UTM_32, noted("SCALE", "half"), "no GeoTIFF that can be read"),
+        (UTM_32, noted("UNITTYPE", "US survey foot"), "something else than metres: gdal_calc.py turns US survey foot"),
     ],
 )
 def test_what_it_leaves_open_is_refused(

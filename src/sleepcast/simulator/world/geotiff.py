@@ -7,6 +7,7 @@ pixels are, pixels of degrees or feet, places without a height, and numbers that
 
 from __future__ import annotations
 
+import re
 import struct
 import warnings
 from collections.abc import Mapping
@@ -31,12 +32,18 @@ TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 """How a TIFF begins: with numbers in either order of bytes, and with room for large files."""
 COLUMNS, ROWS, BITS, COMPRESSION, COLOURS, ORIENTATION, BANDS = 256, 257, 258, 259, 262, 274, 277
 TILE_COLUMNS, TILE_ROWS, PIXEL_SIZE, TURNED, GEO_KEYS, NO_DATA, KIND = 322, 323, 33550, 34264, 34735, 42113, 339
+METADATA = 42112
 """Tags of TIFF, GeoTIFF and GDAL."""
 MODEL, SYSTEM, UNIT, HEIGHT_UNIT = 1024, 3072, 3076, 4099
 PROJECTED, METRE = 1, 9001
 """Keys of GeoTIFF (OGC 19-008), and the values of these that are read."""
 UTM = (*range(32_601, 32_661), *range(32_701, 32_761), *range(25_828, 25_839))
 """Systems of EPSG that are measured in metres, for files that name the system alone."""
+
+OF_BAND = re.compile(r'<Item name="(SCALE|OFFSET|UNITTYPE)"[^>]*>([^<]*)<')
+"""What GDAL notes of a band, in XML."""
+METRES = ("", "m", "metre", "metres", "meter", "meters")
+OTHER_UNIT = "its pixels or its heights are measured in something else than metres"
 
 NOT_READ = (
     "its numbers, or how they are compressed, are not read: gdal_translate -ot Float32 -co COMPRESS=LZW writes others"
@@ -54,10 +61,10 @@ class HeightMap(NamedTuple):
 
 
 def is_tiff(path: Path) -> bool:
-    """Whether a file begins as a TIFF does. Raises SettingsError for one that cannot be read."""
+    """Whether a file begins as a TIFF does, or is named so. Raises SettingsError for one that cannot be read."""
     try:
         with path.open("rb") as file:
-            return file.read(4) in TIFF
+            return file.read(4) in TIFF or path.suffix.lower() in (".tif", ".tiff")
     except OSError as error:
         raise SettingsError(f"{path}: cannot be read: {error.strerror or error}") from error
 
@@ -69,6 +76,7 @@ def read_geotiff(path: Path) -> HeightMap:
     try:
         tags = _tags(raw)
         _check_layout(tags, raw[:2] == b"MM")
+        _check_band(tags)
         width, height = _extent(tags)
         return HeightMap(_heights(raw, tags), width, height)
     except _RefusedError as error:
@@ -113,7 +121,9 @@ def _check_layout(tags: Tags, swapped: bool) -> None:
     columns, rows, bits = _whole(tags, COLUMNS, 0), _whole(tags, ROWS, 0), _whole(tags, BITS, 1)
     if (bands := _whole(tags, BANDS, 1)) != 1:
         raise _RefusedError(f"it has {bands} bands; wanted one, of heights: gdal_translate -b 1 takes the first")
-    if min(columns, rows) < 1 or columns * rows > MAX_PIXELS:
+    if min(columns, rows) < 1:
+        raise _RefusedError("no GeoTIFF that can be read: it has no pixels")
+    if columns * rows > MAX_PIXELS:
         raise _RefusedError(
             f"{columns} by {rows} pixels; at most {MAX_PIXELS} fit: gdal_translate -outsize 512 0 makes a smaller one"
         )
@@ -127,6 +137,15 @@ def _check_layout(tags: Tags, swapped: bool) -> None:
         raise _RefusedError(
             "its numbers begin with their greatest bytes: gdal_translate -co ENDIANNESS=LITTLE turns them"
         )
+
+
+def _check_band(tags: Tags) -> None:
+    """Refuse numbers that become heights in metres only by what GDAL notes of their band."""
+    noted = {name: value.strip() for name, value in OF_BAND.findall(str(tags.get(METADATA, "")))}
+    if noted.get("UNITTYPE", "m").lower() not in METRES:
+        raise _RefusedError(f"{OTHER_UNIT}: gdal_calc.py turns {noted['UNITTYPE']:.20} into metres")
+    if (float(noted.get("SCALE", 1.0)), float(noted.get("OFFSET", 0.0))) != (1.0, 0.0):
+        raise _RefusedError("its heights are scaled: gdal_translate -unscale -ot Float32 makes metres of them")
 
 
 def _extent(tags: Tags) -> tuple[float, float]:
@@ -145,9 +164,7 @@ def _extent(tags: Tags) -> tuple[float, float]:
             "it does not say that its pixels are measured in metres; gdalwarp -t_srs EPSG:32632 makes such"
         )
     if unit != METRE or keys.get(HEIGHT_UNIT, METRE) != METRE:
-        raise _RefusedError(
-            "its pixels or its heights are measured in something else than metres: gdalwarp changes that"
-        )
+        raise _RefusedError(f"{OTHER_UNIT}: gdalwarp changes that")
     across, down = float(size[0]), float(size[1])
     if not (isfinite(across) and isfinite(down) and min(across, down) > 0.0):
         raise _RefusedError(f"its pixels are {across:g} by {down:g} m")

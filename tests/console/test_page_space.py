@@ -206,6 +206,37 @@ def test_where_the_browser_takes_the_graphics_away_the_view_gets_others(
         expect(page.locator(".space")).to_be_visible()
 
 
+@browser
+def test_pictures_of_the_ground_are_closed_once_they_are_drawn(program: Program, context: BrowserContext) -> None:
+    """Each takes up to 16 MB, and where robots change the ground there are several a second."""
+    kept = """
+      self.sheets = [];
+      addEventListener("message", ({ data }) => {
+        for (const given of data.flat(2)) if (given instanceof ImageBitmap) self.sheets.push(given);
+      });
+    """
+    painter = kept + (STATIC / "painter.js").read_text()
+    context.route("**/painter.js", lambda route: route.fulfill(body=painter, content_type="text/javascript"))
+    context.add_init_script("""
+      window.sheets = [];
+      const real = OffscreenCanvas.prototype.transferToImageBitmap;
+      OffscreenCanvas.prototype.transferToImageBitmap = function () {
+        const made = real.call(this);
+        window.sheets.push(made);
+        return made;
+      };
+    """)
+    for page in opened(program, context):
+        page.locator("#space").click()
+        until(page, lambda page=page: len(colours_of(page)) > 1)
+        for _ in range(8):  # faster than they are drawn
+            page.locator("#theme").click()
+        (painter_thread,) = page.workers
+        for thread in (page, painter_thread):
+            until(page, lambda thread=thread: thread.evaluate("sheets.length > 1"))
+            until(page, lambda thread=thread: thread.evaluate("sheets.every(({ width }) => width === 0)"))
+
+
 def assert_refused(page: Page, reason: str) -> None:
     """The view is closed again, the page says why, and the map goes on."""
     expect(page.locator("#refused-text")).to_have_text(

@@ -4,6 +4,8 @@
 // the page. Of what is asked for meanwhile the latest counts.
 const UNDER_WAY = 2;
 
+const isPicture = (given) => given instanceof ImageBitmap;
+
 export class Painting {
   // canvas: shows the pictures. shown: called with each: what it was asked for with, and how long it took to draw, ms. ended:
   // called when there will be no more, with the reason in words; "" if another one may go on. Throws where the browser has no
@@ -23,6 +25,7 @@ export class Painting {
 
   // Let a method of `Solids` be called before the next picture is drawn.
   tell(name, ...given) {
+    for (const one of this.calls.get(name)?.filter(isPicture) ?? []) one.close(); // which nobody will see
     this.calls.delete(name); // calls stay in the order in which they were told
     this.calls.set(name, given);
   }
@@ -40,7 +43,7 @@ export class Painting {
     if (this.underWay.length === UNDER_WAY || !this.calls.has("render")) return;
     this.underWay.push(this.asked);
     const calls = [...this.calls];
-    this.worker.postMessage(calls, calls.flatMap(([, given]) => given).filter((one) => one instanceof ImageBitmap));
+    this.worker.postMessage(calls, calls.flatMap(([, given]) => given.filter(isPicture)));
     this.calls.clear();
     this.release();
   }

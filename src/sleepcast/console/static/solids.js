@@ -86,7 +86,8 @@ export class Solids {
 
   // ---- what stays
 
-  // sheet: a picture of the area. sky: a colour. relief: how high it is, as of groundmap.js.
+  // sheet: a picture of the area, of up to 16 MB, which is closed as soon as it is drawn. sky: a colour. relief: how high the area
+  // is, as of groundmap.js.
   setGround(area, sheet, sky, relief) {
     const [left, bottom, right, top] = area;
     this.groundAt = (x, y) => groundAt(area, relief, x, y);
@@ -94,7 +95,7 @@ export class Solids {
     this.scene.background = new this.three.Color(sky);
     this.ground?.material.uniforms.map.value.dispose();
     this.ground?.material.dispose();
-    const map = Object.assign(new CanvasTexture(sheet), { minFilter: this.three.LinearMipmapNearestFilter });
+    const map = Object.assign(new CanvasTexture(sheet), { minFilter: this.three.LinearMipmapNearestFilter, onUpdate: () => sheet.close() });
     const material = new ShaderMaterial({ uniforms: { map: { value: map } }, ...LAID, depthWrite: Boolean(relief) }); // what lies behind hills is hidden
     const { columns = 2, rows = 2, heights } = relief ?? {};
     const mesh = new Mesh(new PlaneGeometry(right - left, top - bottom, columns - 1, rows - 1), material);

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 SELDOM = (100_000, 20, 20)
 """How many new objects Python looks for garbage after, and how often it looks at older ones. Libraries, and the robots
 of a fleet, are made of objects that stay. With Python's own numbers the search is a tenth of a short command; a run of
-few robots ends before the first one. With a thousand worlds, each search goes through the minds of all of them."""
+few robots ends before the first one. With many worlds, each search goes through all that are awake."""
 
 
 @contextmanager

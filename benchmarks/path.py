@@ -4,9 +4,9 @@ sleepcast that it enters.
     python -m benchmarks.path [--json] [swarm | air]
 
 swarm: a desk and a simulated swarm in one process. air: a desk here and `sleepcast swarm 1` in a process of its own, on
-UDP loopback; what both enter is united. What happens anyway while the command is on its way, such as a tick of the
-simulator, counts too. A command like it goes the same way before, so that nothing is imported, set up or compiled for
-the first time.
+UDP loopback; what both enter is united. A command like it goes the same way before, so that nothing is imported, set up
+or compiled for the first time. What every one of several round trips enters is the way: a tick of the simulator counts,
+and a clock measured or a message repaired meanwhile does not.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
@@ -30,7 +30,7 @@ from unittest import mock
 
 from benchmarks.report import table
 
-WARM, TRACED = (f'(WHEN (>= x 0) (SETQ drive_speed 0.{k}) (REPORT "here" x))' for k in (1, 2))
+WARM, *TRACED = (f'(WHEN (>= x 0) (SETQ drive_speed 0.{k}) (REPORT "here" x))' for k in (1, 2, 3, 4))
 """Each tests a reading, sets an actuator, answers and reports the reading."""
 PATIENCE = 60.0
 Entered = dict[str, str]
@@ -59,11 +59,21 @@ class Tracer:
     @contextmanager
     def tracing(self) -> Iterator[Entered]:
         """What is entered meanwhile."""
-        self.on = True
+        self.begin()
         try:
             yield self.entered
         finally:
             self.on = False
+
+    def begin(self) -> None:
+        """Entries count from now on, and those before no more."""
+        self.entered, self.on = {}, True
+
+
+def entered_by_each(trips: Iterable[Entered]) -> Entered:
+    """What none of the round trips went without, in the order of the first one."""
+    first, *others = trips
+    return {name: function for name, function in first.items() if all(name in other for other in others)}
 
 
 def in_swarm() -> Entered:
@@ -82,10 +92,13 @@ def in_swarm() -> Entered:
         while not station.accounting(command.id).complete or len(station.reports) == reports:
             swarm.step()
 
+    def traced(text: str) -> Entered:
+        with tracer.tracing() as entered:
+            trip(text)
+        return entered
+
     trip(WARM)
-    with tracer.tracing() as entered:
-        trip(TRACED)
-    return entered
+    return entered_by_each(map(traced, TRACED))
 
 
 def on_air() -> Entered:
@@ -108,11 +121,14 @@ def on_air() -> Entered:
                             raise TimeoutError(f"no robot has answered and reported within {PATIENCE:g} s")
                         station.wait(0.05)
 
+                def traced(text: str) -> Entered:
+                    robot.begin()
+                    with tracer.tracing() as entered:
+                        trip(text)
+                    return entered | {name: function for name, function in robot.end().items() if name not in entered}
+
                 trip(WARM)
-                robot.begin()
-                with tracer.tracing() as entered:
-                    trip(TRACED)
-                return entered | {name: function for name, function in robot.end().items() if name not in entered}
+                return entered_by_each(map(traced, TRACED))
 
 
 class Robot:
@@ -156,7 +172,7 @@ def robot(arguments: list[str]) -> None:
     tracer = Tracer()
 
     def begin(*_: object) -> None:
-        tracer.on = True
+        tracer.begin()
         print("begun", flush=True)
 
     def end(*_: object) -> None:

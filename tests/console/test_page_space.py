@@ -20,7 +20,7 @@ from playwright.sync_api import BrowserContext, Page, expect
 
 from console.conftest import page_of
 from console.running import PATIENCE, Program
-from console.test_page import clock, opened, pixels, pixels_seen, until
+from console.test_page import clock, opened, pixels, pixels_seen, send, type_in, until
 from sleepcast.console.adapters.swarm import scene_of
 from sleepcast.console.page_parts import STATIC
 from sleepcast.simulator import load, read_scenario
@@ -79,9 +79,12 @@ def copters(yard: Program, context: BrowserContext) -> Iterator[Page]:
 @pytest.fixture
 def wrecks(tmp_path: Path, context: BrowserContext) -> Iterator[Page]:
     """The page of those, of which the second has touched the third, and both have crashed."""
-    beside = COPTERS.replace('{ x = "31m", y = "20m", z = "10m" }', '{ x = "50.5m", y = "20m", z = "20m" }')
+    beside = COPTERS.replace('{ x = "31m", y = "20m", z = "10m" }', '{ x = "51.2m", y = "20m", z = "20m" }')
     with page_of(tmp_path, beside) as started:
-        yield from opened(started, context)
+        for page in opened(started, context):
+            type_in(page, "(WHEN (= id 2) (GOTO 50m 20m))")
+            send(page)
+            yield page
 
 
 @pytest.fixture(scope="module")
@@ -237,10 +240,27 @@ def test_pictures_of_the_ground_are_closed_once_they_are_drawn(program: Program,
             until(page, lambda thread=thread: thread.evaluate("sheets.every(({ width }) => width === 0)"))
 
 
-def assert_refused(page: Page, reason: str) -> None:
+@browser
+def test_an_error_of_the_drawing_thread_is_no_lack_of_webgl(program: Program, context: BrowserContext) -> None:
+    fault = "Solids.prototype.setShadow = () => { throw new Error('no shadow'); };"
+    painter = (STATIC / "painter.js").read_text() + fault
+    context.route("**/painter.js", lambda route: route.fulfill(body=painter, content_type="text/javascript"))
+    page = context.new_page()
+    page.goto(program.address)
+    page.locator("#space").click()
+    again = (
+        "This is a fault of the page: its button opens the view again, and a report of these words helps to mend it."
+    )
+    assert_refused(page, "Uncaught Error: no shadow", again)
+    context.unroute("**/painter.js")
+    page.locator("#space").click()
+    until(page, lambda: len(colours_of(page)) > 1)
+
+
+def assert_refused(page: Page, reason: str, advice: str = "Turn on WebGL in its settings, or use another one.") -> None:
     """The view is closed again, the page says why, and the map goes on."""
     expect(page.locator("#refused-text")).to_have_text(
-        f"The view in three dimensions cannot be shown: {reason}. Turn on WebGL in its settings, or use another one."
+        f"The view in three dimensions cannot be shown: {reason}. {advice}"
     )
     expect(page.locator(".space")).to_be_hidden()
     expect(page.locator("#space")).to_have_attribute("aria-pressed", "false")

@@ -8,13 +8,13 @@ const isPicture = (given) => given instanceof ImageBitmap;
 
 export class Painting {
   // canvas: shows the pictures. shown: called with each: what it was asked for with, and how long it took to draw, ms. ended:
-  // called when there will be no more, with the reason in words; "" if another one may go on. Throws where the browser has no
-  // such threads.
+  // called when there will be no more, with the reason in words, "" if another one may go on, and whether pictures could be drawn
+  // before. Throws where the browser has no such threads.
   constructor(canvas, shown, ended) {
     this.pen = canvas.getContext("bitmaprenderer", { alpha: false });
     this.shown = shown;
     this.ended = ended;
-    this.software = false; // whether no graphics card draws
+    this.software = null; // whether no graphics card draws, once the thread has said it
     this.calls = new Map(); // of `Solids`, by name: with what arguments, and what else belongs to the picture
     this.underWay = []; // what each picture was asked for with
     this.taken = []; // to be called when the next one is under way
@@ -66,6 +66,6 @@ export class Painting {
   end(reason) {
     this.worker.terminate();
     this.release(); // nobody is to wait for pictures that never come
-    this.ended(reason);
+    this.ended(reason, this.software !== null);
   }
 }

@@ -27,6 +27,8 @@ const DIMMED = 0.45; // of the colour of robots outside the lit ones
 const ZOOM_STEP = 1.4;
 const TURN_STEP = 40; // pixels of a hand that Shift and an arrow key are
 const CIRCLE = Array.from({ length: 48 }, (_, corner) => [Math.cos((corner * Math.PI) / 24), Math.sin((corner * Math.PI) / 24)]);
+const ELSEWHERE = "Turn on WebGL in its settings, or use another one."; // a browser's
+const AGAIN = "This is a fault of the page: its button opens the view again, and a report of these words helps to mend it.";
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 export class Space {
@@ -76,17 +78,19 @@ export class Space {
   load() {
     this.drawn = {};
     try {
-      this.painting = new Painting(this.canvas, (asked, took) => this.show(asked, took), (reason) => (reason ? this.fail(reason) : this.load()));
+      const ended = (reason, drew) => (reason ? this.fail(reason, drew ? AGAIN : ELSEWHERE) : this.load());
+      this.painting = new Painting(this.canvas, (asked, took) => this.show(asked, took), ended);
       this.resize();
     } catch ({ message }) {
-      this.fail(message);
+      this.fail(message, ELSEWHERE);
     }
   }
 
-  fail(reason) {
+  // advice: a sentence.
+  fail(reason, advice) {
     this.painting = null;
     this.open(false);
-    this.said(`The view in three dimensions cannot be shown: ${reason}. Turn on WebGL in its settings, or use another one.`);
+    this.said(`The view in three dimensions cannot be shown: ${reason}. ${advice}`);
   }
 
   get shown() {

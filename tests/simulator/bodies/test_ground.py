@@ -288,11 +288,23 @@ def test_on_a_torus_nobody_meets_a_cliff_at_the_edge(tmp_path: Path) -> None:
         (("FILE", "none.png"), "there is no file"),
         (('high = "12m"', 'high = "12s"'), "length"),
         (('low = "2m"', 'low = "-2m"'), "low"),
+        (('low = "2m"', 'low = "13m"'), "world.ground.high: wanted at least low, 13 m"),
     ],
 )
 def test_what_is_no_ground_is_refused(tmp_path: Path, change: tuple[str, str], why: str) -> None:
     with pytest.raises(SettingsError, match=why):
         written(tmp_path, change)
+
+
+@pytest.mark.parametrize(("pixel", "fits"), [((9, 9, 9), True), ((9, 9, 8), False), ((9, 9, 9, 200), False)])
+def test_a_ground_has_greys_and_neither_colours_nor_holes(tmp_path: Path, pixel: tuple[int, ...], fits: bool) -> None:
+    Image.fromarray(np.full((4, 4, len(pixel)), pixel, np.uint8)).save(tmp_path / "plain.png")
+    text = HILLS.replace("FILE", str(tmp_path / "plain.png"))
+    if fits:
+        assert read_scenario(text).ground_at(5.0, 5.0) == pytest.approx(2.0 + 10.0 * 9.0 / 255.0)
+        return
+    with pytest.raises(SettingsError, match="a picture in colours, or partly transparent: wanted greys alone"):
+        read_scenario(text)
 
 
 def test_a_ground_without_anybody_in_the_air_is_refused(tmp_path: Path) -> None:

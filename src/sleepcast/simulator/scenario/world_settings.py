@@ -142,7 +142,10 @@ def _ground(world: Table) -> tuple[Picture | None, list[_Taken]]:
         low = table.number("low", LENGTH, 0.0, low=0.0, high=HIGHEST)
         path = table.file("file")
         if not is_tiff(path):
-            return read_picture(table, low, table.number("high", LENGTH, low=0.0, high=HIGHEST), deep=True), []
+            high = table.number("high", LENGTH, low=0.0, high=HIGHEST)
+            if high < low:
+                raise table.error("high", f"wanted at least low, {low:g} m: white is the highest place")
+            return read_picture(table, low, high, heights=True), []
         if table.has("high"):
             raise table.error("high", "a GeoTIFF has heights in metres: leave this out")
         found = read_geotiff(path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sleepcast.core.records import dataclass
 from sleepcast.core.settings import SettingsError, Table
@@ -27,9 +28,10 @@ class Picture:
     deep: bool = False
 
 
-def read_picture(table: Table, low: float, high: float, *, deep: bool = False) -> Picture:
-    """The picture that `file` of a table names. deep: keep 16 bits of one that has them. Raises SettingsError for none
-    that can be read and for too many pixels, MisuseError without Pillow."""
+def read_picture(table: Table, low: float, high: float, *, heights: bool = False) -> Picture:
+    """The picture that `file` of a table names. heights: whether it is a ground map: 16 bits are kept of one that has
+    them, and colours are refused. Raises SettingsError for none that can be read and for too many pixels, MisuseError
+    without Pillow."""
     from sleepcast.simulator.world.ros_map import picture
 
     path = table.file("file")
@@ -37,9 +39,18 @@ def read_picture(table: Table, low: float, high: float, *, deep: bool = False) -
     rows, columns, _ = channels.shape
     if rows * columns > MAX_PIXELS:
         raise SettingsError(f"{path}: {columns} by {rows} pixels; at most {MAX_PIXELS} fit: take a smaller picture")
-    deep = deep and white > 255
+    if heights and not _is_plain(channels, white, colours):
+        wanted = f"wanted greys alone, from black, which is {low:g} m high, to white, {high:g} m"
+        raise SettingsError(f"{path}: a picture in colours, or partly transparent: {wanted}. Save it in greys")
+    deep = heights and white > 255
     grey = np.rint(channels[:, :, :colours].mean(axis=2) * (_white(deep) / white)).astype(_kind(deep))
     return Picture(columns, rows, grey.tobytes().hex(), low, high, deep)
+
+
+def _is_plain(channels: NDArray[np.uint32], white: int, colours: int) -> bool:
+    """Whether these are greys that hide nothing below them."""
+    grey = channels[:, :, :1]
+    return bool((channels[:, :, :colours] == grey).all() and (channels[:, :, colours:] == white).all())
 
 
 def picture_of(heights: Floats, low: float) -> Picture:

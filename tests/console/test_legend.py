@@ -84,7 +84,7 @@ def test_a_line_lights_its_robots_and_follows_them(page: Page, chromium: Browser
 
 CRASH = """
 format = 2
-title = "Two that touch at once, and one beside them"
+title = "Two that fly into each other, and one beside them"
 seconds = "1min"
 
 [world]
@@ -93,7 +93,7 @@ height = "20m"
 
 [robots]
 like = "copter"
-starts = [["5m", "9m", "0deg", "a", "8m"], ["5.5m", "9m", "0deg", "b", "8m"], ["15m", "9m", "0deg", "c", "8m"]]
+starts = [["5m", "9m", "0deg", "a", "8m"], ["6.1m", "9m", "0deg", "b", "8m"], ["15m", "9m", "0deg", "c", "8m"]]
 """
 
 
@@ -102,13 +102,16 @@ def test_who_has_crashed_has_a_line_and_a_cross_and_its_report(tmp_path: Path, c
     with Program("run", tmp_path / "crash.toml", "--page") as program:
         page = context.new_page()
         page.goto(program.address)
+        await_picture(page)
+        type_in(page, "(WHEN (= id 1) (GOTO 8m 9m))")
+        send(page)
         line = page.locator("#legend-lines button:first-child").last
         expect(line).to_have_text("2 crashed")
         assert until(page, lambda: pixels(page, "--bad"))
         line.click()
         assert until(page, lambda: pixels(page, "--lit"))
         expect(page.locator(".glance")).to_contain_text("2 crashed")
-        reports = ["0:00:00ahas crashed into b", "0:00:00bhas crashed into a"]
+        reports = ["ahas crashed into b", "bhas crashed into a"]
         expect(page.locator(".glance li")).to_have_text([re.compile("|".join(reports))] * 2)
         page.locator(".glance li button", has_text="a").click()
         expect(page.locator("#robot-state")).to_have_text("crashed")

@@ -13,7 +13,7 @@ from machines import ALL, MACHINES
 from simulated import sensed, steps
 from sleepcast.core.errors import MisuseError
 from sleepcast.simulator import Simulator, read_scenario
-from sleepcast.simulator.bodies.proximity import StartError
+from sleepcast.simulator.bodies.starting import StartError
 from sleepcast.simulator.engine import Machine, choose
 from sleepcast.simulator.snapshot import resume, state_of
 
@@ -140,7 +140,8 @@ def test_nobody_starts_in_another_one_and_above_there_is_room() -> None:
     simulator = yard(height(2.0, "10m"))
     simulator.step()
     assert not sensed(simulator, COPTER)["crashed"]
-    yard(('[["12m", "10m"]]', '[["12m", "10m"], ["12.1m", "10m"]]'))  # as copters may without Scouts
+    with pytest.raises(StartError, match=r"robots 2 and 3 cannot start 0\.1 m apart"):
+        yard(('[["12m", "10m"]]', '[["12m", "10m"], ["12.1m", "10m"]]'))
     crowd = Simulator(read_scenario(CROWD)).bodies
     low = np.flatnonzero(crowd.flight.low(crowd.x, crowd.y)) if crowd.flight else np.arange(0)
     apart = np.hypot(crowd.x[:30, None] - crowd.x[low], crowd.y[:30, None] - crowd.y[low])

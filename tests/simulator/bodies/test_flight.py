@@ -254,10 +254,9 @@ def test_copters_that_touch_crash_and_fall_and_stay(machine: Machine) -> None:
 
 
 def test_who_falls_falls_as_fast_as_things_do_and_takes_others_down() -> None:
-    text = SKY.replace(
-        '"180deg"]]', '"180deg"], ["20m", "10.5m", "0deg", "b", "8m"], ["20m", "10m", "0deg", "c", "3m"]]'
-    )
+    text = SKY.replace('"180deg"]]', '"180deg"], ["50m", "50m", "0deg", "b", "8m"], ["20m", "10m", "0deg", "c", "3m"]]')
     simulator = sky(text=text)
+    simulator.bodies.place(3, 20.0, 10.5, 0.0)
     heights = []
     for _ in range(20):
         simulator.step()
@@ -270,8 +269,9 @@ def test_who_falls_falls_as_fast_as_things_do_and_takes_others_down() -> None:
 
 
 def test_copters_on_the_ground_touch_nobody_and_a_near_miss_is_none() -> None:
-    text = SKY.replace('"180deg"]]', '"180deg"], ["30.4m", "10m", "0deg", "b"], ["21.1m", "10m", "0deg", "c", "8m"]]')
+    text = SKY.replace('"180deg"]]', '"180deg"], ["50m", "50m", "0deg", "b"], ["21.1m", "10m", "0deg", "c", "8m"]]')
     simulator = sky(text=text)
+    simulator.bodies.place(3, 30.4, 10.0, 0.0)  # nobody starts like that
     steps(simulator, 1.0)
     assert not simulator.news
     simulator.robots[3].take_off(5.0)

@@ -1,33 +1,28 @@
 """Robots that come during a run, without a parent: each is as one of its sort is at the start.
 
 Whatever is by chance goes by the robot's own number: heading, stores and, unless the scenario says where it stands, its
-place. A place is free outside of solid areas; where bodies touch each other also if the body touches nothing there; and
-in the air if nobody is so near that both would crash. Places by chance are drawn until all are free. Where a place is
-given, and is taken, nobody comes.
+place. A place is free outside of solid areas, and where the body touches nothing, as at the start (`starting`). Places
+by chance are drawn until all are free. Where a place is given, and is taken, nobody comes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sleepcast.core.errors import MisuseError, did_you_mean
-from sleepcast.core.records import NamedTuple, dataclass
-from sleepcast.simulator.bodies.bodies import MAX_REDRAWS, Bodies, Flags, Floats, Whole
+from sleepcast.core.records import dataclass
+from sleepcast.simulator.bodies.bodies import MAX_REDRAWS, Bodies, Whole
 from sleepcast.simulator.bodies.population import MAX_BIRTHS, Population
 from sleepcast.simulator.bodies.senses import Senses
-from sleepcast.simulator.motion.steps import SKIN
+from sleepcast.simulator.bodies.starting import Placed, is_crowded, placed, touch, touch_solids
 from sleepcast.simulator.scenario.population import with_counts
 from sleepcast.simulator.scenario.robot_settings import RobotSpec
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.starts import StartPose, Starts
-from sleepcast.simulator.simd.formulas import shortest
 from sleepcast.simulator.world.areas import barred
-from sleepcast.simulator.world.grid import distance
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,69 +81,20 @@ def find_room(bodies: Bodies, new: Bodies, *, given: bool) -> bool:
 def _taken(bodies: Bodies, new: Bodies) -> Whole:
     """Those of `new` that cannot be where they are."""
     taken = barred(bodies.world, new.x, new.y, new.lands)
-    if bodies.contact is None and bodies.flight is None:
+    if not is_crowded(bodies):
         return np.flatnonzero(taken)
     there = np.ones(bodies.count, bool) if bodies.population is None else bodies.population.present
-    others, all_new = _placed(bodies).of(there), _placed(new)
+    others, all_new = placed(bodies).of(there), placed(new)
     for robot in np.flatnonzero(~taken).tolist():
-        mine = all_new.of(np.flatnonzero(~taken[:robot]))
-        taken[robot] = _touches(bodies, all_new.of(np.array([robot])), others.joined(mine))
+        one, mine = all_new.of(np.array([robot])), all_new.of(np.flatnonzero(~taken[:robot]))
+        taken[robot] = touch(bodies, one, others.joined(mine)).any() or _at_wall(bodies, one)
     return np.flatnonzero(taken)
-
-
-class Placed(NamedTuple):
-    """Where bodies are: x, y, z and radii, m; which are in the air, which ones fly, and which are as low as those on
-    the ground. Shape (count,)."""
-
-    x: Floats
-    y: Floats
-    z: Floats
-    radii: Floats
-    aloft: Flags
-    flies: Flags
-    low: Flags
-
-    def of(self, which: Whole | Flags) -> Placed:
-        """Some of them."""
-        columns: list[NDArray[Any]] = [column[which] for column in self]
-        return Placed(*columns)
-
-    def joined(self, more: Placed) -> Placed:
-        """These and more."""
-        columns: list[NDArray[Any]] = [np.concatenate(each) for each in zip(self, more, strict=True)]
-        return Placed(*columns)
-
-
-def _placed(bodies: Bodies) -> Placed:
-    """These bodies, where they are now."""
-    flight, every = bodies.flight, np.ones(bodies.count, bool)
-    if flight is None:
-        return Placed(bodies.x, bodies.y, np.zeros(bodies.count), bodies.radii, ~every, ~every, every)
-    z = np.nan_to_num(flight.z)
-    aloft, low = z > flight.ground_at(bodies.x, bodies.y), flight.low(bodies.x, bodies.y)
-    return Placed(bodies.x, bodies.y, z, bodies.radii, aloft, flight.flies, low)
-
-
-def _touches(bodies: Bodies, one: Placed, others: Placed) -> bool:
-    """Whether `one` that comes touches a wall or one of `others`, where that matters."""
-    around = bodies.scenario.around
-    dx, dy, dz = shortest(others.x - one.x, around[0]), shortest(others.y - one.y, around[1]), others.z - one.z
-    flat, close = dx * dx + dy * dy, others.radii + one.radii + SKIN
-    touches = np.zeros(len(others.x), bool)
-    if bodies.flight is not None and bodies.flight.collides:
-        touches |= (np.sqrt(flat + dz * dz) < close) & (others.aloft | one.aloft)
-    if bodies.contact is None:
-        return bool(touches.any())
-    touches |= (np.sqrt(flat) < close) & others.low & one.low & ~(others.flies & one.flies)
-    return bool(touches.any()) or (not one.flies.any() and _at_wall(bodies, one))
 
 
 def _at_wall(bodies: Bodies, one: Placed) -> bool:
     """Whether something solid is so near to this body that it would touch it."""
-    lines = bodies.near.lines
-    ends = [lines[:, each] for each in range(4)]
-    x, y = (np.full(len(lines), place[0]) for place in (one.x, one.y))
-    return bool((distance(x, y, *ends) < one.radii + lines[:, 4] + SKIN).any())
+    lines, tops = bodies.near.lines, bodies.near.tops
+    return bool(touch_solids(bodies, one.of(np.zeros(len(lines), np.intp)), lines, tops).any())
 
 
 # ---- what people ask for

@@ -26,11 +26,12 @@ from sleepcast.core.counter_rng import GOLDEN, key, mix, uniform
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.model import Quantity
 from sleepcast.core.records import NamedTuple
+from sleepcast.simulator.bodies import starting
 from sleepcast.simulator.bodies.flight import Flight
 from sleepcast.simulator.bodies.line_of_sight import LineOfSight
 from sleepcast.simulator.bodies.particles import Particles
 from sleepcast.simulator.bodies.population import Population, Turnover
-from sleepcast.simulator.bodies.proximity import Bumpers, Neighbours, SonarGroups, Sonars, StartError, least_cell, reach
+from sleepcast.simulator.bodies.proximity import Bumpers, Neighbours, SonarGroups, Sonars, least_cell, reach
 from sleepcast.simulator.bodies.scanner import Scanner
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.motion.driving import DRIVE, GOTO, WANDER, laws_of
@@ -273,7 +274,7 @@ class Bodies:
         for still in (self.wanted_speed, self.wanted_turn, self.swing, *self._sides):
             still[dead] = 0.0
         if self.flight:
-            self.flight.clear(dead)
+            self.flight.turn_over(turnover)
         for number in dead.tolist():
             self.settle(number)
         self.forget()
@@ -605,10 +606,9 @@ class Bodies:
         given = self.by_type([float(bool(spec.starts)) for spec in self.scenario.each_type]) > 0.0
         try:
             self.x[:], self.y[:] = self._places(given)
-            if self.contact:
-                self.contact.part(self.x, self.y, partial(self._places, given), given)
-        except StartError as error:
-            raise StartError(f"{self.scenario.path}: robots.starts: {error}") from None
+            starting.part(self, partial(self._places, given), given)
+        except starting.StartError as error:
+            raise starting.StartError(f"{self.scenario.path}: robots.starts: {error}") from None
         for part in self.parts:
             if part.scenario.robots.in_rows:
                 order = np.lexsort((part.x, part.y // ROW))
@@ -660,7 +660,7 @@ class Bodies:
                 return x, y
             if given[wrong].any():
                 first = wrong[given[wrong]][0]
-                raise StartError(
+                raise starting.StartError(
                     f"robot {first + 1} cannot start at {x[first]:g}, {y[first]:g} m: that is inside a wall"
                 )
             other_x, other_y = self.anywhere(f"{again} redrawn {redraw}")

@@ -18,6 +18,7 @@ from sleepcast.robot import Limits
 from sleepcast.simulator.bodies.air import Air, pushed_down
 from sleepcast.simulator.bodies.homes import Homes
 from sleepcast.simulator.bodies.moved import Grounded
+from sleepcast.simulator.bodies.population import Turnover
 from sleepcast.simulator.bodies.wings import Wings
 from sleepcast.simulator.motion import flying
 from sleepcast.simulator.motion.driving import DRIVE, GOTO, bounded
@@ -77,6 +78,7 @@ class Flight:
         self.z, self.turn_rate, self.height = rows["z"], rows["turn_rate"], rows["height"]
         self.climb_rate, self.armed, self.flying = rows["climb_rate"], rows["armed"], rows["flying"]
         self.crashed = rows[CRASHED]
+        self._sensed = rows
         self._terrain = bodies.scenario.terrain
         """Where the ground is not flat."""
         self._roofs = Roofs(bodies.world, bodies.scenario.around, self._terrain)
@@ -456,8 +458,23 @@ class Flight:
         if self.wings:
             self.wings.airspeed[which] = 0.0
 
+    def turn_over(self, turnover: Turnover) -> None:
+        """Robots have come, with the columns of their parents, and others have gone."""
+        children = turnover.children
+        self._begin_anew(children[self.flies[children] != self.flies[turnover.parents]])
+        self.clear(turnover.dead)
+
+    def _begin_anew(self, which: Whole) -> None:
+        """Let these, whose parents fly if they do not, or the other way round, stand on the ground like new."""
+        self.locked[which] = False
+        for row in self._sensed.values():
+            row[which] = np.where(self.flies[which], 0.0, nan)
+        self.clear(which)
+        if self.homes:
+            self.homes.set(which, self.z[which])
+
     def clear(self, which: Whole) -> None:
-        """Leave nothing in the air of these, which are there no more: others would crash into it."""
+        """Leave nothing in the air of these: others would crash into it."""
         flown = which[self.flies[which]]
         self.ground[flown] = self.ground_at(self._bodies.x[flown], self._bodies.y[flown])
         self.z[flown], self.height[flown] = self.ground[flown], 0.0

@@ -150,6 +150,14 @@ class Population:
         self.numbers[rows], self.present[rows] = numbers, True
         return Turnover(rows, rows, numbers, np.ones(len(rows)), _NO_ROWS, _NO_SHARES, _NO_ROWS, _NO_ROWS)
 
+    def _crowded(self, row: int, sort: int, count: int) -> bool:
+        """Whether so many more children of this parent would be in a body that crashes with them, also on the ground,
+        where they could never take off."""
+        crash = [spec.flight is not None and not spec.flight.particle for spec in self.specs]
+        parent = next(kind for kind, part in enumerate(self._slices) if part.start <= row < part.stop)
+        others = sum(more for kind, more, _ in self._asked[row] if crash[kind])
+        return crash[sort] and (crash[parent] or others + count > 1)
+
     def hatch(self, row: int, sort: float, count: float, share: float) -> float:
         """HATCH by the robot in this row, see `FUNCTIONS`. Raises PopulationError."""
         if sort not in self.sorts.values():
@@ -164,6 +172,8 @@ class Population:
         if count > room:
             name = next(name for name, place in self.sorts.items() if place == sort)
             raise PopulationError(f"there is room for {room} more {name}, not for {int(count)}: see most in [robots]")
+        if count and self._crowded(row, int(sort), int(count)):
+            raise PopulationError("a child begins where its parent is: two that fly would be in each other, and crash")
         if len(own) >= MAX_CALLS:
             raise PopulationError(f"HATCH was called {MAX_CALLS} times in this tick: ask for more children at a time")
         if count:

@@ -1,7 +1,7 @@
 """Proximity: `Neighbours` finds what is near each body, bumpers stop bodies at contact and sense where it is, and
 sonars measure exact ranges of cones, with noise, dropouts, limits and age.
 
-Bodies that overlap at the start are moved apart. `motion.steps` computes how far each one gets.
+`motion.steps` computes how far each body gets.
 
 Without a firing order every sonar fires in every tick, and readings are computed on request. With one, a robot's
 sonars fire one after the other (see `sonar.firing`), and a sonar keeps its reading until it fires again.
@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from sleepcast.core.arrays import count_up
 from sleepcast.core.counter_rng import key
-from sleepcast.core.errors import MisuseError
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.motion.steps import SKIN, Settled
 from sleepcast.simulator.scenario.robot_settings import Ring, RobotSpec
@@ -34,13 +33,8 @@ from sleepcast.simulator.world.grid import (
     Grid,
     Sorted,
     Whole,
-    distance,
-    grid_over,
     list_solids,
     only,
-    pairs,
-    sort,
-    spread,
 )
 from sleepcast.simulator.world.torus import PLAIN, Around, Images, cells_over
 from sleepcast.simulator.world.world import World
@@ -71,8 +65,6 @@ class Flying(Protocol):
     flies: NDArray[np.bool_]
 
     def low(self, x: Floats, y: Floats, /) -> NDArray[np.bool_]: ...
-
-    def stand(self) -> None: ...
 
 
 class Neighbours:
@@ -185,16 +177,8 @@ class Neighbours:
             self._version = self.world.version
 
 
-MAX_ATTEMPTS = 1_000
-"""Attempts to move bodies that overlap at the start: a world that is not full needs a few dozen."""
-ALL_PAIRS = 16_384
-"""Pairs up to which all are compared at once: for few bodies cells take longer."""
 CELL = 3.0
 """Side of a cell in radii of a body, unless something else needs larger ones: about one body fits in."""
-
-
-class StartError(MisuseError):
-    """A body cannot be where the scenario puts it."""
 
 
 class Bumpers:
@@ -230,97 +214,6 @@ class Bumpers:
         if self._flight:
             for column, nothing in zip(settled, (1.0, 0.0, 0.0), strict=True):
                 column[self._flight.flies] = nothing
-
-    def part(
-        self, x: Floats, y: Floats, anew: Callable[[int], tuple[Floats, Floats]], given: NDArray[np.bool_]
-    ) -> None:
-        """Move bodies until none overlaps another one or a solid. anew: new positions for all of them, by attempt.
-        given: bodies that must stay where they are. Of two others that overlap, the one with the higher index moves.
-        Raises MisuseError if they do not fit, StartError for one that must stay."""
-        wide = self._near.grid  # the sonars' cells would give too many pairs in a full room
-        fine = grid_over(wide.columns * wide.size, wide.rows * wide.size, CELL * self.radii.max(), len(x))
-        for attempt in range(MAX_ATTEMPTS):
-            if self._flight:
-                self._flight.stand()
-            i, j = self._overlapping(fine, x, y)
-            inside = self._in_solids(x, y)
-            wrong = _distinct(len(x), i[np.where(given[i] == given[j], i > j, given[j])], inside)
-            if not len(wrong):
-                return
-            self._refuse_given(given, (i, j), inside, x, y)
-            other_x, other_y = anew(attempt)
-            x[wrong], y[wrong] = other_x[wrong], other_y[wrong]
-        raise MisuseError(
-            f"{len(x)} robots with a radius of {self.radii.max():g} m do not fit where they start: "
-            "give them more room, or ask for fewer"
-        )
-
-    def _refuse_given(
-        self, given: NDArray[np.bool_], pairs: tuple[Whole, Whole], inside: Whole, x: Floats, y: Floats
-    ) -> None:
-        """Raise StartError if a body that must stay where it is overlaps another such one, or something solid."""
-        (i, j), stuck = pairs, inside[given[inside]]
-        if stuck.size:
-            first = stuck[0]
-            raise StartError(
-                f"robot {first + 1} cannot start at {x[first]:g}, {y[first]:g} m: its body, with a radius of "
-                f"{self.radii[first]:g} m, would be in a wall there"
-            )
-        both = np.flatnonzero(given[i] & given[j] & (i < j))
-        if both.size:
-            one, other = i[both[0]], j[both[0]]
-            apart, least = np.hypot(x[one] - x[other], y[one] - y[other]), self.radii[one] + self.radii[other]
-            raise StartError(
-                f"robots {one + 1} and {other + 1} cannot start {apart:g} m apart: their bodies overlap. Put them more "
-                f"than {least:g} m apart"
-            )
-
-    def _overlapping(self, fine: Grid, x: Floats, y: Floats) -> tuple[Whole, Whole]:
-        """Bodies that overlap, each pair in both orders."""
-        every, radii, place = np.arange(len(x)), self.radii, (x, y)
-        self._near.forget()
-        images = self._near.images(x, y)
-        x, y = images.x, images.y
-        reach = 2.0 * radii.max() + SKIN
-        if len(every) * len(x) <= ALL_PAIRS:
-            i, j = np.nonzero((x[every, None] - x) ** 2 + (y[every, None] - y) ** 2 <= reach * reach)
-            i, j = i[i != j], j[i != j]
-        else:
-            i, j = pairs(fine, sort(fine, x, y), x, y, reach, every)
-        if radii.min() < radii.max():
-            close = np.hypot(x[i] - x[j], y[i] - y[j]) <= radii[i] + radii[images.of][j] + SKIN
-            i, j = i[close], j[close]
-        j = images.whose(j)
-        return (i, j) if self._flight is None else _meeting(self._flight, *place, i, j)
-
-    def _in_solids(self, x: Floats, y: Floats) -> Whole:
-        """Bodies on the ground that something solid is too near to."""
-        every, radii = np.arange(len(x)), self.radii
-        images = self._near.images(x, y)
-        x, y = images.x[: len(radii)], images.y[: len(radii)]
-        listed, solids = self._near.solids(self.reach), self._near.lines
-        cell = self._near.grid.cells_of(x, y)
-        k, item = spread(every, listed.start[cell], listed.start[cell + 1])
-        lines = solids[listed.items[item]]
-        inside = distance(x[k], y[k], *lines[:, :4].T) < radii[k] + lines[:, 4] + SKIN
-        if self._flight:
-            inside &= ~self._flight.flies[k]
-        return _distinct(len(x), k[inside])
-
-
-def _meeting(flight: Flying, x: Floats, y: Floats, i: Whole, j: Whole) -> tuple[Whole, Whole]:
-    """Those of these pairs, of bodies at x, y (m), of which one is on the ground and the other as low."""
-    low = flight.low(x, y)
-    meet = low[i] & low[j] & ~(flight.flies[i] & flight.flies[j])
-    return i[meet], j[meet]
-
-
-def _distinct(count: int, *indices: Whole) -> Whole:
-    """The different ones of indices below `count`, ascending. (`np.unique` loads NumPy's masked arrays first.)"""
-    found = np.zeros(count, np.bool_)
-    for each in indices:
-        found[each] = True
-    return np.flatnonzero(found)
 
 
 def reach(robots: RobotSpec, tick: float) -> float:

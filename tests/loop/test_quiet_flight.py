@@ -67,7 +67,7 @@ def crashed(swarm: Swarm) -> int:
 
 @pytest.mark.parametrize("edge", ["", 'edge = "torus"'])
 def test_who_touches_in_a_quiet_tick_crashes_as_always(edge: str) -> None:
-    expected, swarm = sky(edge=edge), sky(edge=edge)
+    expected, swarm = sky(22, edge=edge), sky(22, edge=edge)  # in which enough of them meet on their ways
     for before, look in zip((0, *LOOKS), LOOKS, strict=False):
         singly(expected, look - before)
         at_once(swarm, look - before)

@@ -249,16 +249,15 @@ def test(*pytest_options: str) -> int:
 
 
 def compile_for_tests(types: "subprocess.Popen[bytes]") -> None:
-    """Let the program compile its kernels, and Python the tests as soon as mypy leaves it the other core: else
-    several processes of pytest would compile the same. types: mypy's process."""
+    """Let the program compile its kernels, and Python the tests as soon as that or mypy leaves it a core: else several
+    processes of pytest would compile the same. types: mypy's process."""
     import subprocess
     import time
 
     preparing = started("sleepcast", "prepare", "--quiet", stdout=sys.stderr)
     while preparing.poll() is None and types.poll() is None:
         time.sleep(0.1)
-    if preparing.poll() is None:
-        started("pytest", "--collect-only", "-qq", stdout=subprocess.DEVNULL).wait()
+    started("pytest", "--collect-only", "-qq", stdout=subprocess.DEVNULL).wait()
     preparing.wait()
 
 

@@ -88,6 +88,16 @@ class TestRobotsOfOneType:
         assert not first.user_slots
         assert self.made(other.anew()) is program
 
+    def test_texts_that_come_once_do_not_drive_out_what_all_have(self) -> None:
+        first = Setting().vocabulary()
+        known = list[Program]()
+        for swarm in range(4):
+            known.append(self.made(first.anew()))
+            for number in range(MAX_PROGRAMS):
+                Library(first.anew()).program(f"(+ {swarm} {number})", lambda: [read("0")], FreshNames(first))
+        assert known[1] is not known[0], "nobody can know yet"
+        assert known[1] is known[2] is known[3]
+
     def test_who_has_heard_of_other_variables_before_has_them_in_other_places(self) -> None:
         first = Setting().vocabulary()
         one, other = first.anew(), first.anew()

@@ -10,7 +10,7 @@ The columns that `value` returns belong to its caller: they are not views of rob
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import lru_cache, partial
+from functools import partial
 from math import nan
 
 import numpy as np
@@ -22,7 +22,7 @@ from sleepcast.columns.values import Column, Index, Mask, Rows
 from sleepcast.language.evaluate import is_true, too_deep
 from sleepcast.language.functions import AMONG_ROBOTS, NO_INSTANT
 from sleepcast.language.numerics import normal
-from sleepcast.language.parts import Part, host_of, is_acting, walk
+from sleepcast.language.parts import Part, host_of, is_acting
 from sleepcast.language.program import Program
 
 _CHANGING = frozenset({"set_user", "set_local", "write", "defvar", "store", "fetch", "call", "host", "act"})
@@ -54,10 +54,11 @@ def walk_through(memory: Evaluation, program: Program, rows: Rows) -> Column:
     return values
 
 
-@lru_cache(maxsize=4_096)
-def _steady(part: Part) -> bool:
+def _is_steady(part: Part) -> bool:
     """Whether variables keep their values while `part` is evaluated."""
-    return all(inside.op not in _CHANGING for inside in walk(part))
+    if part.steady is None:
+        part.steady = part.op not in _CHANGING and all(map(_is_steady, part.parts))
+    return part.steady
 
 
 class Sweep:
@@ -102,7 +103,7 @@ class Sweep:
 
     def arguments(self, part: Part, rows: Rows) -> list[pure.Argument]:
         """The values of a function's arguments; copied only if something may change them before they are used."""
-        if not _steady(part):
+        if not _is_steady(part):
             return list(self.all(part.parts, rows))
         return [self._seen(inside, rows) for inside in part.parts]
 
@@ -491,10 +492,12 @@ Local = Callable[[int, Rows], Column]
 Faults = Callable[[Part, Rows, Index, Sequence[str]], None]
 
 
-@lru_cache(maxsize=4_096)
 def is_pairwise(part: Part) -> bool:
     """Whether `part` can be evaluated for all neighbours of all robots at once: it does, draws and enters nothing."""
-    return all(inside.op in _PAIRWISE or (inside.op == "host" and _repeats(inside)) for inside in walk(part))
+    if part.pairwise is None:
+        itself = part.op in _PAIRWISE or (part.op == "host" and _repeats(part))
+        part.pairwise = itself and all(map(is_pairwise, part.parts))
+    return part.pairwise
 
 
 def _repeats(part: Part) -> bool:
@@ -503,13 +506,13 @@ def _repeats(part: Part) -> bool:
     return function.repeats and function.many is not None and not is_acting(part)
 
 
-@lru_cache(maxsize=4_096)
 def is_plain(part: Part) -> bool:
     """Whether `part` is plain throughout, and cheap enough to compute even if not needed."""
-    return all(
-        inside.op in _PLAIN and not inside.watch and not (inside.op == "pure" and inside.function.name in _COSTLY)
-        for inside in walk(part)
-    )
+    if part.plain is None:
+        costly = part.op == "pure" and part.function.name in _COSTLY
+        itself = part.op in _PLAIN and not part.watch and not costly
+        part.plain = itself and all(map(is_plain, part.parts))
+    return part.plain
 
 
 def _is_test(part: Part) -> bool:

@@ -52,9 +52,13 @@ class Part:
     data: what else the op needs, see `checker`.
     watch: for the top-level test of a program, how many leading parts are the test (`and`), or 1 (`if`, `clause`).
     index: the part's own number in its program, outside first, left to right.
+    plain, steady, pairwise: what the machine for many robots has found out about it, None before: see there.
     """
 
-    __slots__ = ("data", "form", "index", "name", "number", "op", "parts", "slot", "watch")
+    __slots__ = (
+        *("data", "form", "index", "name", "number", "op", "parts", "slot", "watch"),
+        *("pairwise", "plain", "steady"),
+    )
 
     def __init__(
         self,
@@ -69,6 +73,9 @@ class Part:
     ) -> None:
         self.op, self.form, self.parts, self.number, self.slot = op, form, parts, number, slot
         self.name, self.data, self.watch, self.index = name, data, 0, 0
+        self.plain: bool | None = None
+        self.steady: bool | None = None
+        self.pairwise: bool | None = None
 
     @property
     def function(self) -> Function:

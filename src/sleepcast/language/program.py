@@ -11,7 +11,7 @@ each other: past the budget the evaluation stops with a fault, and what was assi
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from functools import cached_property
 from math import nan
 from typing import TYPE_CHECKING, TypeAlias
@@ -40,6 +40,8 @@ _DECLARES: dict[str, type] = {"rule": Stored, "group": Group}
 """What a text may declare that reads the same before and after it has been learned."""
 MAX_PROGRAMS = 512
 """Programs kept by their text for one vocabulary; when full, all are forgotten and made again as they are needed."""
+MAX_COMPILED = 8_192
+"""Compiled programs of which is known that they were compiled; when full, all are forgotten."""
 MAX_ASKED = 64
 """Questions whose programs are kept beside them, for the other robots that are asked: the latest."""
 
@@ -219,29 +221,52 @@ class _Kept(NamedTuple):
     added: Slots = ()
 
 
-class _Known:
-    """The programs of vocabularies that were made `anew` from one, for the next of them: their robots are given the
-    slots of user variables in the order in which they hear of them, so a program is kept under those before it."""
+class _Shelf:
+    """Programs by their texts, and what else they are kept under; when it is full, all are dropped."""
 
     def __init__(self) -> None:
-        self._programs: dict[tuple[str, Slots, Slots], list[_Kept]] = {}
+        self._programs: dict[Hashable, tuple[_Kept, ...]] = {}
         self._count = 0
+
+    def under(self, key: Hashable) -> tuple[_Kept, ...]:
+        return self._programs.get(key, ())
+
+    def add(self, key: Hashable, kept: _Kept) -> None:
+        self._count += 1
+        if self._count > MAX_PROGRAMS:
+            self._programs, self._count = {}, 1
+        self._programs[key] = (*self.under(key), kept)
+
+
+class _Known:
+    """The programs of vocabularies that were made `anew` from one, for the next of them: their robots are given the
+    slots of user variables in the order in which they hear of them, so a program is kept under those before it.
+
+    What was compiled once and what was compiled again stand apart. Robots tell each other hundreds of texts with
+    numbers in them that never come again, and which would fill the room of those that all swarms have.
+    """
+
+    def __init__(self) -> None:
+        self._once, self._again = _Shelf(), _Shelf()
+        self._compiled = set[int]()
+        """Of what was compiled: the hashes of texts and what else they are kept under."""
 
     def find(self, text: str, parameters: Slots, names: Names) -> _Kept | None:
         """The program of a text for a robot with these names, whose vocabulary gets the slots that it gives."""
         vocabulary = names.vocabulary
-        kept = self._programs.get((text, parameters, tuple(vocabulary.user_slots)), ())
-        found = _suiting(kept, names)
-        for key in () if found is None else found.added:
-            vocabulary.user_slot(key)
+        key = text, parameters, tuple(vocabulary.user_slots)
+        found = _suiting(self._again.under(key) + self._once.under(key), names)
+        for slot in () if found is None else found.added:
+            vocabulary.user_slot(slot)
         return found
 
     def keep(self, kept: _Kept, before: Slots) -> None:
         """Keep what was just compiled. before: the slots then."""
-        self._count += 1
-        if self._count > MAX_PROGRAMS:
-            self._programs, self._count = {}, 1
-        self._programs.setdefault((*kept.key, before), []).append(kept)
+        key = *kept.key, before
+        if len(self._compiled) >= MAX_COMPILED:
+            self._compiled = set()
+        (self._again if hash(key) in self._compiled else self._once).add(key, kept)
+        self._compiled.add(hash(key))
 
 
 class Library:
@@ -256,8 +281,7 @@ class Library:
 
     def __init__(self, vocabulary: Vocabulary | None = None) -> None:
         self._known = None if vocabulary is None else vocabulary.common(_Known)
-        self._programs: dict[tuple[str, Slots], tuple[_Kept, ...]] = {}
-        self._count = 0
+        self._programs = _Shelf()
         self._questions: OrderedDict[str, list[_Kept]] = OrderedDict()
 
     def program(
@@ -271,16 +295,13 @@ class Library:
     ) -> Program:
         """The program of `text` for a robot with these names. asked: whether it is only asked. Raises ReadError (from
         `forms`) and CheckError."""
-        suiting = _suiting(self._programs.get((text, parameters), ()), names)
+        suiting = _suiting(self._programs.under((text, parameters)), names)
         if suiting is not None:
             return suiting.program
         if asked:
             return self._question(text, forms, names)
         kept = self._compiled(text, forms, names, parameters)
-        self._count += 1
-        if self._count > MAX_PROGRAMS:
-            self._programs, self._count = {}, 1
-        self._programs[kept.key] = (*self._programs.get(kept.key, ()), kept)
+        self._programs.add(kept.key, kept)
         return kept.program
 
     def _compiled(self, text: str, forms: Callable[[], Sequence[Form]], names: Names, parameters: Slots) -> _Kept:

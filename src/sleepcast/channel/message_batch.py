@@ -7,6 +7,7 @@ names (`scout1` to `scout1000000`) are made on demand; stored, they would take m
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Protocol, overload
 
@@ -182,25 +183,59 @@ class MessageBatch(msgspec.Struct, frozen=True):
             yield robot, message_id(self.names[robot], self.epoch, sequence)
 
 
-def in_settled_order(batches: list[MessageBatch]) -> list[MessageBatch]:
-    """The same messages of one tick. Of a rule that robots with several minds have deactivated, all reports are one
-    batch after all others: which minds come first depends on how far native code has been made, and so on no seed."""
-    ended: dict[tuple[str, str], list[MessageBatch]] = {}
-    for batch in batches:
-        if isinstance(batch.words, Reports) and batch.words.rule:
-            ended.setdefault((batch.words.label, batch.words.rule), []).append(batch)
-    several = [each for _, each in sorted(ended.items(), key=lambda item: item[0]) if len(each) > 1]
-    moved = {id(batch) for each in several for batch in each}
-    return [batch for batch in batches if id(batch) not in moved] + [_together(each) for each in several]
+def in_settled_order(batches: Sequence[MessageBatch]) -> list[MessageBatch]:
+    """What robots have reported and told by their rules in one tick, each robot's own in its order. Which of them are
+    evaluated together, and who comes first, depends on how far native code has been made, and so on no seed: here
+    first come first messages, and what is alike is one batch."""
+    if len(batches) < 2:
+        return [*batches]
+    alike = defaultdict[tuple[object, ...], list[MessageBatch]](list)
+    for batch, places in zip(batches, _places_among_own(batches), strict=True):
+        for place in sorted(set(places.tolist())):
+            here = batch if (places == place).all() else batch.take(places == place)
+            alike[place, batch.kind.value, *_subject(batch.words)].append(here)
+    return [_together(alike[key]) for key in sorted(alike)]
+
+
+def _places_among_own(batches: Sequence[MessageBatch]) -> list[Index]:
+    """Of each message how many of the same robot come before it."""
+    robots, sequences = (np.concatenate([getattr(each, name) for each in batches]) for name in ("robots", "sequences"))
+    order = np.lexsort((sequences, robots))
+    own, ascending = robots[order], np.arange(len(robots))
+    places = np.empty_like(ascending)
+    places[order] = ascending - np.maximum.accumulate(np.where(np.diff(own, prepend=-1) > 0, ascending, 0))
+    return np.split(places, np.cumsum([len(each) for each in batches])[:-1])
+
+
+def _subject(words: Contents) -> tuple[object, ...]:
+    """What is the same in messages that can be one batch."""
+    if isinstance(words, Reports):
+        return words.rule, words.label, len(words.values)
+    if isinstance(words, Relays):
+        return words.said, words.hops, words.driver, -1 if words.auction is None else words.auction
+    raise TypeError(f"no rule says {type(words).__name__}")
 
 
 def _together(batches: Sequence[MessageBatch]) -> MessageBatch:
-    """The messages of several batches, whose contents are the same, in the order of the robots."""
-    robots = np.concatenate([each.robots for each in batches])
+    """The messages of several batches about the same, in the order of the robots."""
+    first, *others = batches
+    if not others:
+        return first
+    robots, sequences, issued = (
+        np.concatenate([getattr(each, name) for each in batches]) for name in ("robots", "sequences", "issued")
+    )
     order = np.argsort(robots, kind="stable")
-    columns = [np.concatenate([getattr(each, name) for each in batches])[order] for name in ("sequences", "issued")]
+    words = first.words
+    if isinstance(words, Reports):
+        said = [[column[each.places] for column in each.words.values] for each in batches]  # type: ignore[attr-defined]
+        words = Reports(words.label, tuple(np.concatenate(column)[order] for column in zip(*said, strict=True)), words.rule)
     return msgspec.structs.replace(
-        batches[0], robots=robots[order], places=np.arange(len(order)), sequences=columns[0], issued=columns[1]
+        first,
+        robots=robots[order],
+        places=np.arange(len(order)),
+        sequences=sequences[order],
+        issued=issued[order],
+        words=words,
     )
 
 

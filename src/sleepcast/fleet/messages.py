@@ -199,7 +199,17 @@ class Outbox:
         taken, self._batches = self._batches, []
         for batch in taken:
             self._state.in_outbox[batch.robots] -= 1
-        return in_settled_order(taken)
+        return taken
+
+    @property
+    def size(self) -> int:
+        """How many batches there are to take."""
+        return len(self._batches)
+
+    def settle(self, begin: int) -> None:
+        """Bring what the rules of one tick have said, all batches from this one on, into the order that it has
+        whatever of the rules is native code."""
+        self._batches[begin:] = in_settled_order(self._batches[begin:])
 
     def state(self) -> OutboxState:
         """Everything that is still to be sent."""

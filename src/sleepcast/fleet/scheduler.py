@@ -9,7 +9,8 @@ together.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,11 +55,20 @@ class BatchScheduler:
 
     def run(self, rows: Rows, *, natively: bool = True) -> None:
         """Run one round on each of these robots, which are awake. natively: also by native code."""
-        self._memory.statistics.lost.clear()
-        for stretch in (self._run_natively(rows) if natively else rows).stretches():
-            self._used[stretch.index] = 0
-            self._walk(self._ways(stretch))
-        self._memory.statistics.lost.clear()
+        with self._round():
+            for stretch in (self._run_natively(rows) if natively else rows).stretches():
+                self._used[stretch.index] = 0
+                self._walk(self._ways(stretch))
+
+    @contextmanager
+    def _round(self) -> Iterator[None]:
+        """Rules that are deactivated meanwhile are lost until its end, when all that was said is settled."""
+        lost, outbox = self._memory.statistics.lost, self._memory.outbox
+        said = outbox.size
+        lost.clear()
+        yield
+        lost.clear()
+        outbox.settle(said)
 
     # ---- by native code
 
@@ -95,15 +105,14 @@ class BatchScheduler:
     def resume(self, plan: SequencePlan, leg: int, left: Rows) -> None:
         """Finish a round of all robots that others have begun, up to and with the native code of this leg of a plan,
         which has left some robots to be walked."""
-        self._memory.statistics.lost.clear()
-        self._used[:] = 0
-        rows = Rows.run(0, self._memory.state.count)
-        for done, before in enumerate(plan.legs[:leg]):
-            first = sum(each.rules for each in plan.legs[:done])
-            if before.kernel is not None:
-                self._note(plan.keys[first : first + before.rules], before.kernel, rows, last=False)
-        self._go_on(plan, rows, leg, left)
-        self._memory.statistics.lost.clear()
+        with self._round():
+            self._used[:] = 0
+            rows = Rows.run(0, self._memory.state.count)
+            for done, before in enumerate(plan.legs[:leg]):
+                first = sum(each.rules for each in plan.legs[:done])
+                if before.kernel is not None:
+                    self._note(plan.keys[first : first + before.rules], before.kernel, rows, last=False)
+            self._go_on(plan, rows, leg, left)
 
     def _go_on(self, plan: SequencePlan, rows: Rows, begin: int, left: Rows | None) -> None:
         """The rest of a round, from this leg on. left: the robots that its native code has left to be walked; None if

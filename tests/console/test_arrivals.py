@@ -75,6 +75,7 @@ def test_robots_are_added_by_hand(program: Program, context: BrowserContext) -> 
     expect(page.locator("#robot")).to_be_hidden()  # nobody is chosen, least of all a row without a robot
     page.locator("#layers").click()
     page.locator("#add-robot").click()
+    expect(page.locator("#layer-menu")).to_be_hidden()  # it would lie over the place, and over the bar
     said = page.locator("#arrival-bar .said")
     expect(said).to_contain_text("Click where the robot is to stand")
     page.locator("#arrival-bar .kinds").select_option("carrier")

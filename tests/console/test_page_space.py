@@ -284,6 +284,35 @@ def test_shades_and_labels_tell_how_high_robots_are(copters: Page) -> None:
 
 
 @browser
+@pytest.mark.parametrize("width", [480, 1024])
+def test_nothing_lies_under_the_buttons_of_the_map(copters: Page, width: int) -> None:
+    """Beside the view the map is narrow: what it says at its edge, and names, had come to lie under its buttons."""
+    page = copters
+    page.set_viewport_size({"width": width, "height": 768})
+    page.locator("#space").click()
+    scale, buttons = page.locator("#height-scale"), page.locator(".zoom")
+    expect(scale).to_have_text("up to 20 m high")
+    (left, _, wide, _), (edge, *_) = (tuple((each.bounding_box() or {}).values()) for each in (scale, buttons))
+    assert left + wide <= edge
+    found = calculated(
+        page,
+        "labels",
+        """({ Labels }) => {
+          const view = { width: 300, height: 200, scale: 1, toScreenX: (x) => x, toScreenY: (y) => y };
+          view.toWorld = (x, y) => [x, 200 - y];
+          const frame = { count: 2, poses: [30, 100, 0, 220, 100, 0], groups: [0, 0] };
+          const scene = { names: ["copter1", "copter2"], groups: [], places: [], lights: [], areas: [], obstacles: [] };
+          const what = { scene, frame, sizes: () => 5, robots: true, colours: { robots: [] } };
+          return [-1, 1].map((chosen) => [[], [252, 50, 300, 150]].map((covered) =>
+            new Labels().arrange(view, { ...what, marks: { chosen, pointed: -1 }, covered }, () => 40)
+              .sort((one, other) => one.x - other.x).map(({ x, y }) => [x, y])));
+        }""",
+    )
+    first, beside, above = [44, 100], [234, 100], [200, 84]
+    assert found == [[[first, beside], [first, above]]] * 2
+
+
+@browser
 def test_ground_and_sky_are_those_of_the_map_and_a_line_leads_down(copters: Page) -> None:
     page = copters
     page.locator("#map").focus()

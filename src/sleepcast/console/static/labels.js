@@ -28,7 +28,8 @@ export class Labels {
   }
 
   // what: {scene, frame, marks, colours, ratio, sizes: as of swarm.js, picked: 1 for each selected robot, robots: whether these and
-  // groups have names, all but the chosen one, replies: what each robot answered, as of replies.js, or null}
+  // groups have names, all but the chosen one, replies: what each robot answered, as of replies.js, or null,
+  // covered: boxes, as of world.js, where nobody would see a name}
   draw(pen, view, what) {
     const labels = this.arrange(view, what, (text, font) => this.sprites.width(text, font));
     this.sprites.draw(pen, labels, what.colours, what.ratio);
@@ -41,7 +42,7 @@ export class Labels {
     this.names = scene.names;
     const labels = [];
     const half = grown(HALF);
-    const boxes = []; // left, top, right, bottom of each name that is there, in turn
+    const boxes = [...(what.covered ?? [])]; // and left, top, right, bottom of each name that is there, in turn
     const put = (text, kind, colour, x, y, gap) => {
       const font = fontOf(...FONTS[kind]);
       const right = x + width(text, font);
@@ -62,7 +63,7 @@ export class Labels {
       const [x, y, wide] = [...pixels(i), width(text, fontOf(...FONTS[look[0]]))];
       const seen = answer ? [] : others;
       const hides = (left, middle) => seen.some((j) => j !== i && lies(...pixels(j), what.sizes(j), left, middle, wide, half));
-      for (const up of seen.length ? [above, !above] : [false]) {
+      for (const up of seen.length || kind === "chosen" ? [above, !above] : [false]) {
         const at = up ? [x - wide / 2, y - what.sizes(i) - half - 2] : [x + what.sizes(i) + 9, y];
         if (!hides(...at) && put(text, ...look, ...at, gap)) return up;
       }

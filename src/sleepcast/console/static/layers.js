@@ -45,6 +45,7 @@ export class Layers extends EventTarget {
     document.addEventListener("pointerdown", ({ target }) => {
       if (!menu.hidden && !menu.contains(target) && !button.contains(target)) this.open(false);
     });
+    world.map.addEventListener("focus", () => this.open(false)); // what the menu has begun goes on there, and it would hide it
     world.setLayers(this.shown);
   }
 

@@ -20,6 +20,7 @@ const SMALL = 8; // robots that need less than this part of the world's width an
 const ROOM = 10; // with so many radii of a body around them, so that they may move
 const MANY = 20000; // robots in sight beyond which their density is shown unless somebody has chosen otherwise
 const FADING = 1500; // ms in which a light goes out
+const COVERS = ".zoom, .legend, .field-scale"; // what would hide names
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 export class World extends EventTarget {
@@ -63,7 +64,10 @@ export class World extends EventTarget {
     this.colours = palette();
     this.stale = new Set();
     this.waiting = false;
+    this.covered = []; // left, top, right, bottom of each thing that lies over the map, in pixels, in turn
     new ResizeObserver(() => this.refit()).observe(this.map);
+    const covers = new ResizeObserver(() => this.cover());
+    for (const each of [this.map, ...root.querySelectorAll(COVERS)]) covers.observe(each);
     this.tools = []; // what else hands do here, and what else is drawn: {grab, click, busy, draw, drawBehind, drawUnder, drawBeside}, see `listen` and `draw`
     this.coordinates = (x, y) => { // how people read a place
       const { unit } = this.scene;
@@ -296,6 +300,14 @@ export class World extends EventTarget {
     this.draw();
   }
 
+  // Something over the map has another size, or lies elsewhere.
+  cover() {
+    const { left, top } = this.map.getBoundingClientRect();
+    const boxes = [...this.root.querySelectorAll(COVERS)].map((each) => each.getBoundingClientRect());
+    this.covered = boxes.flatMap((box) => (box.width ? [box.left - left, box.top - top, box.right - left, box.bottom - top] : []));
+    this.repaint("robots");
+  }
+
   zoom(factor, x, y) {
     this.view.zoom(factor, x, y);
     this.moved();
@@ -398,8 +410,8 @@ export class World extends EventTarget {
     drawSwarm(pens.robots, view, scene, frame, this.looks, this.marks, colours, this.ratio);
     if (this.shows("density")) this.density.draw(pens.robots, view, frame, colours.density, performance.now());
     drawPlaces(pens.robots, view, scene.places, colours);
-    const { marks, picked, ratio, sizes } = this;
-    this.labels.draw(pens.robots, view, { scene, frame, marks, colours, ratio, sizes, picked, replies: this.replies, robots: this.shows("names") });
+    const { marks, picked, ratio, sizes, covered } = this;
+    this.labels.draw(pens.robots, view, { scene, frame, marks, colours, ratio, sizes, picked, covered, replies: this.replies, robots: this.shows("names") });
     for (const tool of this.tools) tool.draw?.(pens.robots);
     this.drawTip();
     if (this.shows("pings") && this.pings.draw(pens.robots, view, frame, sizes, colours, performance.now())) this.repaint("robots");

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from weakref import WeakSet, ref
+
 import pytest
 
 from language.cases import Setting
@@ -70,6 +72,15 @@ def test_what_would_come_of_a_question_is_the_same_without_an_explanation(text: 
     assert (explained.undecided, explained.steps) == (plain.undecided, plain.steps)
 
 
+def test_what_somebody_has_is_one_program_whatever_else_is_compiled() -> None:
+    library, robot = Library(), node()
+    had, others = compiled(library, robot, "(+ 1 2)", asked=False), WeakSet[Program]()
+    for number in range(MAX_PROGRAMS + 10):
+        others.add(compiled(library, robot, f"(+ {number} 3)", asked=False))
+    assert compiled(library, robot, "(+ 1 2)", asked=False) is had
+    assert len(others) < 20, "nobody has the others"
+
+
 BOTH = "(PROGN (DEFVAR a 1) (DEFVAR b (+ a 1)) (RULE r (SETQ b a)))"
 
 
@@ -89,14 +100,13 @@ class TestRobotsOfOneType:
         assert self.made(other.anew()) is program
 
     def test_texts_that_come_once_do_not_drive_out_what_all_have(self) -> None:
-        first = Setting().vocabulary()
-        known = list[Program]()
-        for swarm in range(4):
-            known.append(self.made(first.anew()))
+        first, known = Setting().vocabulary(), []
+        for swarm in range(3):
+            known.append(ref(self.made(first.anew())))
             for number in range(MAX_PROGRAMS):
                 Library(first.anew()).program(f"(+ {swarm} {number})", lambda: [read("0")], FreshNames(first))
-        assert known[1] is not known[0], "nobody can know yet"
-        assert known[1] is known[2] is known[3]
+        assert [each() is None for each in known] == [True, False, False], "the first time nobody can know yet"
+        assert known[1]() is known[2]()
 
     def test_who_has_heard_of_other_variables_before_has_them_in_other_places(self) -> None:
         first = Setting().vocabulary()
@@ -120,10 +130,10 @@ class TestRobotsOfOneType:
     def test_no_more_are_kept_than_have_room(self) -> None:
         first = Setting().vocabulary()
         library, names = Library(first.anew()), FreshNames(first.anew())
-        kept = compiled_for(names, library, "(+ 1 2)")
+        kept = ref(compiled_for(names, library, "(+ 1 2)"))
         for number in range(MAX_PROGRAMS):
             compiled_for(names, library, f"(+ {number} 3)")
-        assert compiled_for(names, Library(names.vocabulary), "(+ 1 2)") is not kept
+        assert kept() is None, "nobody has it any more"
 
 
 def compiled_for(names: FreshNames, library: Library, text: str) -> Program:

@@ -228,7 +228,8 @@ def _together(batches: Sequence[MessageBatch]) -> MessageBatch:
     words = first.words
     if isinstance(words, Reports):
         said = [[column[each.places] for column in each.words.values] for each in batches]  # type: ignore[attr-defined]
-        words = Reports(words.label, tuple(np.concatenate(column)[order] for column in zip(*said, strict=True)), words.rule)
+        values = tuple(np.concatenate(column)[order] for column in zip(*said, strict=True))
+        words = Reports(words.label, values, words.rule)
     return msgspec.structs.replace(
         first,
         robots=robots[order],

@@ -39,7 +39,8 @@ _SLOTTED = frozenset({"var", "write", "defvar", "set_user"})
 _DECLARES: dict[str, type] = {"rule": Stored, "group": Group}
 """What a text may declare that reads the same before and after it has been learned."""
 MAX_PROGRAMS = 512
-"""Programs kept by their text for one vocabulary; when full, all are forgotten and made again as they are needed."""
+"""Programs kept by their text for one vocabulary; when full, those are forgotten that nobody has, and are made again as
+they are needed. Where half as many and more are in use, there is room for as many besides."""
 MAX_COMPILED = 8_192
 """Compiled programs of which is known that they were compiled; when full, all are forgotten."""
 MAX_ASKED = 64
@@ -226,16 +227,38 @@ class _Shelf:
 
     def __init__(self) -> None:
         self._programs: dict[Hashable, tuple[_Kept, ...]] = {}
-        self._count = 0
+        self._count, self._room = 0, MAX_PROGRAMS
 
     def under(self, key: Hashable) -> tuple[_Kept, ...]:
         return self._programs.get(key, ())
 
     def add(self, key: Hashable, kept: _Kept) -> None:
-        self._count += 1
-        if self._count > MAX_PROGRAMS:
-            self._programs, self._count = {}, 1
+        if self._count >= self._room:
+            self._make_room()
         self._programs[key] = (*self.under(key), kept)
+        self._count += 1
+
+    def _make_room(self) -> None:
+        self._programs, self._count = {}, 0
+
+
+class _UsedShelf(_Shelf):
+    """When it is full, those are dropped that nobody else has. So the same text with the same meanings is one program
+    for all robots that have it, whatever has been compiled meanwhile: equal minds are one, and a snapshot holds a
+    program once, no matter what else there was in the same process."""
+
+    def _make_room(self) -> None:
+        known = [
+            (key, kept.key, kept.meanings, ref(kept.program), kept.added)
+            for key, alike in self._programs.items()
+            for kept in alike
+        ]
+        super()._make_room()
+        for key, its_own, meanings, program, added in known:
+            if (used := program()) is not None:
+                self._programs[key] = (*self.under(key), _Kept(its_own, meanings, used, added))
+                self._count += 1
+        self._room = max(MAX_PROGRAMS, 2 * self._count)
 
 
 class _Known:
@@ -281,7 +304,7 @@ class Library:
 
     def __init__(self, vocabulary: Vocabulary | None = None) -> None:
         self._known = None if vocabulary is None else vocabulary.common(_Known)
-        self._programs = _Shelf()
+        self._programs = _UsedShelf()
         self._questions: OrderedDict[str, list[_Kept]] = OrderedDict()
 
     def program(

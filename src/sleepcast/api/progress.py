@@ -29,8 +29,8 @@ def steps(count: int, title: str, *, quiet: bool = False) -> Generator[int, None
 
 
 def _somebody_sees() -> bool:
-    """Whether standard error is a terminal, or this is a notebook."""
-    return (sys.stderr is not None and sys.stderr.isatty()) or "ipykernel" in sys.modules
+    """Whether standard error is a terminal, or comes out below a notebook's cell."""
+    return sys.stderr is not None and (sys.stderr.isatty() or type(sys.stderr).__module__.startswith("ipykernel"))
 
 
 def _with_bar(start: int, count: int, title: str) -> Generator[int, None, None]:

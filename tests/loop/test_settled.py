@@ -21,9 +21,9 @@ REPORTS = (
 """So that there are several minds, some of which have rules in common."""
 
 
-def snapshots(name: str, texts: tuple[str, ...], hot: int) -> list[bytes]:
+def snapshots(name: str, robots: int | None, texts: tuple[str, ...], hot: int) -> list[bytes]:
     """After each tick. hot: after how many rounds rules are native code."""
-    swarm, found = swarm_of(find_scenario(name, Changes(over=(("radio.loss", 0.1),))), 3, 1), list[bytes]()
+    swarm, found = swarm_of(find_scenario(name, Changes(robots, over=(("radio.loss", 0.1),))), 3, 1), list[bytes]()
     kernels = swarm.fleet.kernels
     assert kernels is not None
     kernels._hot = hot
@@ -36,7 +36,7 @@ def snapshots(name: str, texts: tuple[str, ...], hot: int) -> list[bytes]:
     return found
 
 
-@pytest.mark.parametrize(("name", "texts"), [("explore", ()), ("bravo", REPORTS)])
-def test_what_rules_say_does_not_depend_on_native_code(name: str, texts: tuple[str, ...]) -> None:
-    walked, soon, late = (snapshots(name, texts, hot) for hot in (NEVER, SOON, LATE))
+@pytest.mark.parametrize(("name", "robots", "texts"), [("explore", None, ()), ("bravo", 30, REPORTS)])
+def test_what_rules_say_does_not_depend_on_native_code(name: str, robots: int | None, texts: tuple[str, ...]) -> None:
+    walked, soon, late = (snapshots(name, robots, texts, hot) for hot in (NEVER, SOON, LATE))
     assert [tick for tick in range(16) if not walked[tick] == soon[tick] == late[tick]] == []

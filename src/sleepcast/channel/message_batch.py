@@ -191,9 +191,10 @@ def in_settled_order(batches: Sequence[MessageBatch]) -> list[MessageBatch]:
         return [*batches]
     alike = defaultdict[tuple[object, ...], list[MessageBatch]](list)
     for batch, places in zip(batches, _places_among_own(batches), strict=True):
-        for place in sorted(set(places.tolist())):
-            here = batch if (places == place).all() else batch.take(places == place)
-            alike[place, batch.kind.value, *_subject(batch.words)].append(here)
+        subject = batch.kind.value, *_subject(batch.words)
+        for place in range(places.min(), places.max() + 1):
+            if (here := places == place).any():
+                alike[place, *subject].append(batch if here.all() else batch.take(here))
     return [_together(alike[key]) for key in sorted(alike)]
 
 

@@ -98,6 +98,7 @@ starts = [{ x = 5, y = 5, z = 4 }]
 like = "scout"
 type = "scout"
 hatch = true
+motion = "still"
 starts = [[9, 9]]
 """
 
@@ -122,3 +123,16 @@ def test_nobody_that_flies_is_hatched_into_another_one(parent: int, text: str, c
         assert flies.tolist() == [True, "copter" in text, False] if children else [True, False]
         told = ["a child begins where its parent is" in fault for fault in account.table()["fault"]]
         assert any(told) == (text.count("HATCH") > children)
+
+
+@pytest.mark.parametrize("leaves", [True, False])
+def test_a_copter_leaves_its_carrier_once_that_has_driven_away(leaves: bool) -> None:
+    with sc.open(FIELD.format(kind="", robots="").replace('[robots]\nlike = ""\n', "[[robots]]" + MIXED)) as fleet:
+        fleet.send("(WHEN (= id 2) (HATCH copter 1))", everybody=True)
+        if leaves:
+            fleet.send("(WHEN (= id 2) (SETQ drive_speed 0.5m/s))", everybody=True)
+        fleet.run(4.0, quiet=True)
+        fleet.send("(WHEN (= id 3) (TAKEOFF 2m))", everybody=True)
+        fleet.run(4.0, quiet=True)
+        assert fleet["crashed"][1] == (not leaves)
+        assert (fleet["height"][1] > 1.0) == leaves

@@ -12,8 +12,11 @@ from playwright.sync_api import BrowserContext, Page, expect
 
 from console.conftest import COMMANDS
 from console.running import PATIENCE, Program, let_run
-from console.test_page import opened, pause, pixels, pixels_seen
+from console.test_page import opened, pause, pixels, pixels_seen, until
+from console.test_page_late import Between, blank
 from small_worlds import write
+
+__all__ = ["blank"]
 
 pytestmark = pytest.mark.browser
 
@@ -81,6 +84,30 @@ def test_the_past_has_the_field_of_then(page: Page) -> None:
     expect(page.locator("#field-scale .told")).to_be_hidden()
     expect(high).to_have_text("0.2")
     page.keyboard.press("F8")
+    expect(high).to_have_text("1")
+
+
+def test_an_answer_of_then_is_not_taken_for_one_of_now(meadow: Program, blank: Page) -> None:
+    """A question of now comes to the desk when the page already looks at the past, and is answered with the field of
+    then; and the page is back before it has asked again."""
+    between = Between(blank)
+    blank.goto(let_run(meadow).address)
+    high = blank.locator("#field-scale .high")
+    blank.locator("#layers").click()
+    blank.get_by_label("Which field").select_option("grass")
+    blank.keyboard.press("Escape")
+    expect(high).to_have_text("1")
+    pause(blank)
+    between.asking = {"field"}
+    blank.keyboard.press("Control+.")
+    until(blank, lambda: bool(between.asked))
+    blank.locator("#scrub").focus()
+    between.passed = set()
+    blank.keyboard.press("Home")
+    until(blank, lambda: "look" in between.passed)
+    between.ask()
+    expect(high).to_have_text("0.2")
+    blank.keyboard.press("F8")
     expect(high).to_have_text("1")
 
 

@@ -27,11 +27,17 @@ expect.set_options(timeout=1000 * PATIENCE)
 
 
 class Between:
-    """Stands between a page and its program: holds back what the program says of these types, until it is let go."""
+    """Stands between a page and its program: holds back what the program says of these types, until it is let go, and
+    what the page asks of others."""
 
     def __init__(self, page: Page) -> None:
         self.held: list[str] = []
         self.holding: set[str] = set()
+        self.asked: list[str | bytes] = []
+        """What the page asks and is held back."""
+        self.asking: set[str] = set()
+        self.passed: set[str] = set()
+        """The types of what the page has said."""
         self.cut_at = ""
         """The type of a message with which the line is cut instead."""
         self.deaf = self.mute = False
@@ -53,10 +59,15 @@ class Between:
             self._page.send(data)
 
     def _up(self, program: WebSocketRoute, data: str | bytes) -> None:
-        if json.loads(data)["type"] == self.cut_at:
+        kind = json.loads(data)["type"]
+        if kind == self.cut_at:
             self.cut_at = ""
             self.cut()
+        elif kind in self.asking:
+            self._program = program
+            self.asked.append(data)
         elif not self.deaf:
+            self.passed.add(kind)
             program.send(data)
 
     def say(self, data: str) -> None:
@@ -70,6 +81,13 @@ class Between:
     def wait(self, page: Page) -> None:
         """Until something is held back."""
         until(page, lambda: bool(self.held))
+
+    def ask(self) -> None:
+        """Let the page's questions pass, those that were held back first."""
+        self.asking = set()
+        for data in self.asked:
+            self._program.send(data)
+        self.asked = []
 
     def let_go(self) -> None:
         self.holding = set()

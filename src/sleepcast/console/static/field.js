@@ -62,6 +62,11 @@ export class FieldLayer {
     this.show();
   }
 
+  // The page looks at another time from now on: what was answered until now may be of any.
+  jump() {
+    this.asked = null;
+  }
+
   get shown() {
     return this.fields.length > 0 && this.world.shows("field");
   }
@@ -83,7 +88,7 @@ export class FieldLayer {
     if (!this.shown || !frame || this.waiting) return; // one question at a time
     const known = this.asked?.name === this.name;
     const same = !this.refusal && this.asked?.tick === frame.tick;
-    if (known && (!(this.field.grows || this.refusal) || same || performance.now() < this.next)) return;
+    if (performance.now() < this.next || (known && (!(this.field.grows || this.refusal) || same))) return;
     this.asked = { name: this.name, tick: frame.tick };
     this.waiting = true;
     try {

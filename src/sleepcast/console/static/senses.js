@@ -39,6 +39,11 @@ export class Asking extends EventTarget {
     this.ask();
   }
 
+  // The page looks at another time from now on: what was answered until now may be of any.
+  jump() {
+    this.asked = null;
+  }
+
   // Ask again if anything may have changed since the last answer; called with every picture.
   async ask() {
     const { frame, marks } = this.world;

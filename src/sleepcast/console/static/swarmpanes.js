@@ -384,7 +384,10 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
 
   // ---- the timeline
 
-  timeline.addEventListener("jump", () => world.forgetTrails());
+  timeline.addEventListener("jump", () => {
+    world.forgetTrails();
+    for (const asking of [senses, sight, field]) asking.jump();
+  });
   timeline.addEventListener("turned", () => mission.setElsewhere(timeline.elsewhere));
   timeline.addEventListener("seen", () => robot.askWhy()); // what was true then, or is now
   timeline.addEventListener("mark", ({ detail }) => {

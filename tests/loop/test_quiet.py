@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from sleepcast.api.assembly import assemble
 from sleepcast.columns.values import Rows
-from sleepcast.fleet.native.kernels import SequencePlan
+from sleepcast.fleet.native.kernels import HOT, SequencePlan
 from sleepcast.loop import Swarm, snapshot, step_swarm
 from sleepcast.loop.quiet import QuietTicks
 from sleepcast.simulator import Changes, Scenario, Simulator, choose, find_scenario, scenario_names
@@ -196,10 +196,10 @@ def test_robots_that_have_to_be_walked_end_a_call_but_nothing_else(texts: list[s
 
     swarm.fleet.scheduler.resume = noted  # type: ignore[method-assign]  # to count how often it is needed
     for each, how in ((expected, singly), (swarm, at_once)):
-        how(each, 20)
+        how(each, 20 + 2 * HOT)
         for text in texts:
             desk_of(each).send(text, everybody=True)
-        how(each, 40)
+        how(each, 40 + 2 * HOT)
     assert swarm.quiet.ticks > 20
     assert (len(finished) > 0) == walked
     assert snapshot(swarm) == snapshot(expected)

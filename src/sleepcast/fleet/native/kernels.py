@@ -34,6 +34,8 @@ THREADS = 2
 """Default number of threads that share the work of one piece of native code."""
 HOT = 4
 """Walks of the same programs before they are compiled: a command is evaluated once, a rule again and again."""
+MANY = 1_000
+"""Robots; the rules of fewer are walked twice as often first, since that costs little beside the compiler."""
 PATIENCE = 0.05
 """Seconds to wait for the code of rules, if none is being made yet. Code that is kept is there by then, while walking
 would take the processor from the thread that fetches it."""
@@ -211,7 +213,7 @@ class Kernels:
             plan = self._plans[sequence] = SequencePlan(sequence)
             self._take_over(sequence, lanes(state))
         plan.rounds += 1
-        if plan.rounds == max(self._hot, 1):
+        if plan.rounds == max(self._hot if state.count >= MANY else 2 * self._hot, 1):
             self._ask_for(sequence, state)
         if plan.version != self.ready:
             plan.version = self.ready

@@ -65,7 +65,13 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("kernels")
 
 
-@pytest.mark.parametrize("delay", [0.1, 0.4, 0.8, 1.3, 2.0, 2.5, 3.0, 3.5])
+@pytest.mark.parametrize(
+    "delay",
+    [
+        pytest.param(delay, marks=pytest.mark.nightly if at % 3 else ())
+        for at, delay in enumerate([0.1, 0.4, 0.8, 1.3, 2.0, 2.5, 3.0, 3.5])
+    ],
+)
 def test_a_run_that_compiles_its_kernels_ends_at_any_moment(delay: float, compiled: Path, tmp_path: Path) -> None:
     file = tmp_path / "run.mcap"
     options = ("--robots", "40", "--seconds", "100000", "--record", file)

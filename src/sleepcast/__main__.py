@@ -46,11 +46,14 @@ def start() -> int:
 
     gc.set_threshold(*SELDOM)
     from sleepcast.cli import main
-    from sleepcast.cli.interrupts import terminate
+    from sleepcast.cli.interrupts import INTERRUPTED, terminate
 
-    for each in ours:
-        signal.signal(each, terminate if each is signal.SIGTERM else signal.default_int_handler)
-    status = main()
+    try:
+        for each in ours:
+            signal.signal(each, terminate if each is signal.SIGTERM else signal.default_int_handler)
+        status = main()
+    except KeyboardInterrupt:  # pressed just before the command minds it, or as it ends
+        status = INTERRUPTED
     gc.freeze()  # nobody looks for garbage at the end: all of it goes anyway, and after a run the search takes longest
     return status
 

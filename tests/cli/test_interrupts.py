@@ -85,6 +85,20 @@ def test_a_run_that_compiles_its_kernels_ends_at_any_moment(delay: float, compil
         assert recording.states
 
 
+EARLY = """
+import os, signal
+import sleepcast.cli
+from sleepcast.__main__ import run
+sleepcast.cli.main = lambda: os.kill(os.getpid(), signal.SIGINT)
+run()
+"""
+
+
+def test_pressed_just_before_the_command_minds_it_it_ends_the_program_as_ever() -> None:
+    done = subprocess.run([sys.executable, "-c", EARLY], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (130, "")
+
+
 def test_a_run_says_where_it_ended_and_what_is_kept(tmp_path: Path) -> None:
     file = tmp_path / "run.mcap"
     options = ("--seconds", "100000", "--record", file)

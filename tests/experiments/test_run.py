@@ -14,8 +14,8 @@ import subprocess
 import sys
 import time
 import weakref
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Iterator
+from contextlib import suppress
 from math import inf, isnan
 from multiprocessing import active_children
 from pathlib import Path
@@ -26,6 +26,7 @@ import msgspec
 import numpy as np
 import pytest
 
+import forkserver
 import sleepcast as sc
 from sleepcast.cli import main
 from sleepcast.core.extras import installing
@@ -234,7 +235,8 @@ class TestManyRuns:
 
     def test_a_measure_that_never_ends_costs_its_run(self, tmp_path: Path, measures: Path) -> None:
         measures.write_text(
-            "def odd(fleet):\n    while fleet.swarm.simulator.seed == 2:\n        pass\n    return 1.0\n"
+            "import time\n\n\n"
+            "def odd(fleet):\n    while fleet.swarm.simulator.seed == 2:\n        time.sleep(0.01)\n    return 1.0\n"
         )
         wanted = experiment(over=FEW, seeds=4, measures=["own_measures.odd"])
         with Results(tmp_path / "results", wanted) as results:
@@ -251,17 +253,13 @@ class TestManyRuns:
     def test_a_measure_that_never_ends_is_met_before_the_first_run(self, measures: Path) -> None:
         measures.write_text("def odd(fleet):\n    while True:\n        pass\n")
         command = [*(sys.executable, "-m", "sleepcast", "sweep", "crowd", "--measure", "own_measures.odd")]
-        done = subprocess.run(
-            [*command, "--timeout", "2s", "--out", "results"],
-            cwd=measures.parent,
-            capture_output=True,
-            text=True,
-            check=False,
+        done = forkserver.run(
+            [*command, "--timeout", "300ms", "--out", "results"], cwd=measures.parent, capture_output=True, text=True
         )
         assert done.returncode == 2
         first, second = done.stderr.splitlines()
         assert first == f"this sweep runs programs: own_measures.odd of {measures}"
-        assert second == "the trial of the measures took longer than 2 s: is one hanging?"
+        assert second == "the trial of the measures took longer than 0.3 s: is one hanging?"
 
     def test_a_worker_that_the_system_ends_costs_one_run(self, tmp_path: Path, measures: Path) -> None:
         measures.write_text(
@@ -308,7 +306,7 @@ class TestManyRuns:
             *(sys.executable, "-m", "sleepcast", "sweep", "crowd", "--over", *FEW, "--seeds", "30", "--seconds", "2s"),
             *("--measure", "own_measures.noted", "--out", str(tmp_path / "results"), "--workers", "2", "--quiet"),
         ]
-        process = subprocess.Popen(command, cwd=measures.parent, start_new_session=True)
+        process = forkserver.Popen(command, cwd=measures.parent, start_new_session=True)
         try:
             while count(tmp_path / "results") < 5:
                 assert process.poll() is None
@@ -319,7 +317,7 @@ class TestManyRuns:
         kept = {each.run.seed for each in outcomes_in(tmp_path / "results")}
         before = (tmp_path / "noted").read_text().split()
         (tmp_path / "killed").touch()
-        again = subprocess.run(command, cwd=measures.parent, capture_output=True, text=True, check=True)
+        again = forkserver.run(command, cwd=measures.parent, capture_output=True, text=True, check=True)
         assert "30 of 30 runs done" in again.stdout
         after = (tmp_path / "noted").read_text().split()[len(before) :]
         # One more is the trial of the measures before the first run, which has the seed 1.
@@ -349,7 +347,7 @@ class TestManyRuns:
             ),
             *("--measure", "own_measures.seen", "--out", str(tmp_path / "results"), "--workers", "2", "--quiet"),
         ]
-        process = subprocess.Popen(command, cwd=measures.parent, stderr=subprocess.PIPE, text=True)
+        process = forkserver.Popen(command, cwd=measures.parent, stderr=subprocess.PIPE, text=True)
         while len(workers := [each.name.split("-")[1] for each in tmp_path.glob("worker-*")]) < 3:
             assert process.poll() is None
             time.sleep(0.01)
@@ -407,7 +405,7 @@ class TestResults:
             assert list(outcomes_in(tmp_path / "results")) == [], "but others may read"
 
     def test_a_full_disk_stops_it_and_what_is_written_is_intact(self, tmp_path: Path) -> None:
-        wanted = experiment(over=FEW, seeds=100, seconds=0.1, every=0.001)
+        wanted = experiment(over=FEW, seeds=40, seconds=0.1, every=0.001)
         program = (
             "import resource, sys\n"
             "from pathlib import Path\n"
@@ -430,11 +428,11 @@ class TestResults:
         assert "cannot be written" in done.stderr
         assert "Traceback" not in done.stderr
         kept = list(outcomes_in(tmp_path / "results"))
-        assert 0 < len(kept) < 100
+        assert 0 < len(kept) < 40
         assert all(not each.error for each in kept)
         assert main(command) == 0, "there is room again"
         again = list(outcomes_in(tmp_path / "results"))
-        assert len(again) == 100
+        assert len(again) == 40
         numbers = {each.run.number for each in kept}
         assert [each for each in again if each.run.number in numbers] == kept
 
@@ -622,65 +620,127 @@ class TestCommandLine:
         assert not list(tmp_path.iterdir()), "nothing is left behind"
 
 
-@pytest.mark.parametrize(
-    ("missing", "command"),
-    [
-        ("pyarrow", ("sweep", "o", "--out", "o.parquet")),
-        ("matplotlib", ("plot", "o", "--x", "seed", "--y", "mean_battery", "--out", "o.svg")),
-        ("scipy", ("sweep", "crowd", "--measure", "clusters 2m", "--out", "p")),
-        ("scipy.stats", ("sweep", "drawn.toml", "--out", "p")),
-        ("distributed", ("sweep", "crowd", "--measure", "mean x", "--cluster", "tcp://127.0.0.1:9", "--out", "p")),
-        ("optuna", ("sweep", "search.toml", "--out", "p")),
-    ],
-)
-def test_a_missing_library_gives_the_command_that_installs_it(
-    missing: str, command: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    if "o" in command:
-        fill(experiment(seeds=1, over=FEW), tmp_path / "o")
+MISSING = {
+    "pyarrow": ("sweep", "o", "--out", "o.parquet"),
+    "matplotlib": ("plot", "o", "--x", "seed", "--y", "mean_battery", "--out", "o.svg"),
+    "scipy": ("sweep", "crowd", "--measure", "clusters 2m", "--out", "p"),
+    "scipy.stats": ("sweep", "drawn.toml", "--out", "p"),
+    "distributed": ("sweep", "crowd", "--measure", "mean x", "--cluster", "tcp://127.0.0.1:9", "--out", "p"),
+    "optuna": ("sweep", "search.toml", "--out", "p"),
+}
+"""Commands that need a library. The program in which each of these is missing loads what none of them needs once, and
+does each command in a process that is forked from it."""
+WITHOUT = """
+import importlib.util, json, os, sys
+missing, find = None, importlib.util.find_spec
+importlib.util.find_spec = lambda name: None if name == missing else find(name)
+import sleepcast.api.assembly, sleepcast.cli.sweep, sleepcast.experiments.results, sleepcast.experiments.run
+from sleepcast.cli import main
+cases = json.loads(sys.argv[1])
+assert not cases.keys() & sys.modules.keys(), "loaded by who does not need it"
+class Nobody:
+    def find_spec(self, name, path=None, target=None):
+        if (name + ".").startswith(missing + "."):
+            raise ModuleNotFoundError(name)
+for missing, command in cases.items():
+    if child := os.fork():
+        os.waitpid(child, 0)
+        continue
+    out = os.open(f"{missing}.said", os.O_WRONLY | os.O_CREAT)
+    os.dup2(out, 1)
+    os.dup2(out, 2)
+    sys.meta_path.insert(0, Nobody())
+    print("status", main(command), flush=True)
+    os._exit(0)
+"""
+
+
+@pytest.fixture(scope="module")
+def without(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where what each of these commands says lies."""
+    folder = tmp_path_factory.mktemp("without")
+    fill(experiment(seeds=1, over=FEW), folder / "o")
     drawn = (
         'scenario = "crowd"\npoints = 2\n{}\n[over]\nradio.loss = {{ low = 0, high = 1 }}\n[measures]\na = "mean x"\n'
     )
-    (tmp_path / "drawn.toml").write_text(drawn.format('sampling = "sobol"'))
-    (tmp_path / "search.toml").write_text(drawn.format('sampling = "search"\nmaximise = "a"'))
-    program = (
-        "import sys\n"
-        "class Nobody:\n"
-        "    def find_spec(self, name, path=None, target=None):\n"
-        f"        if (name + '.').startswith({missing + '.'!r}):\n"
-        "            raise ModuleNotFoundError(name)\n"
-        "import importlib.util\n"
-        "find, sys.meta_path = importlib.util.find_spec, [Nobody(), *sys.meta_path]\n"
-        f"importlib.util.find_spec = lambda name: None if name == {missing!r} else find(name)\n"
-        "from sleepcast.cli import main\n"
-        "sys.exit(main(sys.argv[1:]))\n"
-    )
-    done = subprocess.run([sys.executable, "-c", program, *command], capture_output=True, text=True, check=False)
-    assert done.returncode == 2, done.stderr
-    assert any(f"install it: {installing(extra)}" in done.stderr for extra in ("experiments", "cluster", "search"))
-    assert "Traceback" not in done.stderr
+    (folder / "drawn.toml").write_text(drawn.format('sampling = "sobol"'))
+    (folder / "search.toml").write_text(drawn.format('sampling = "search"\nmaximise = "a"'))
+    subprocess.run([sys.executable, "-c", WITHOUT, json.dumps(MISSING)], cwd=folder, check=True)
+    return folder
 
 
-@contextmanager
-def dask(folder: Path) -> Iterator[tuple[str, subprocess.Popen[bytes], Callable[[], object]]]:
-    """A dask scheduler, with its address, and what adds a worker with one thread."""
-    file = folder / "scheduler.json"
-    options = ("--no-dashboard", "--scheduler-file", f"{file}")
-    with ExitStack() as started, (folder / "log").open("wb") as log:
+@pytest.mark.parametrize("missing", MISSING)
+def test_a_missing_library_gives_the_command_that_installs_it(
+    missing: str, without: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(without)  # the command is told for whoever is in that folder
+    said = (without / f"{missing}.said").read_text()
+    assert said.endswith("status 2\n"), said
+    assert any(f"install it: {installing(extra)}" in said for extra in ("experiments", "cluster", "search"))
+    assert "Traceback" not in said
 
-        def start(*words: str) -> subprocess.Popen[bytes]:
-            command = [sys.executable, "-W", "ignore", "-m", "dask", *words, *options]
-            process = started.enter_context(subprocess.Popen(command, cwd=folder, stdout=log, stderr=log))
-            started.callback(process.kill)
-            return process
 
-        scheduler = start("scheduler", "--host", "127.0.0.1", "--port", "0")
+class Dask:
+    """A dask scheduler and its workers."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        file = folder / "scheduler.json"
+        self._options = ("--no-dashboard", "--scheduler-file", f"{file}")
+        self._workers: list[subprocess.Popen[bytes]] = []
+        self.scheduler = self._start("scheduler", "--host", "127.0.0.1", "--port", "0")
         while not (file.exists() and file.stat().st_size):
-            assert scheduler.poll() is None, (folder / "log").read_text()
+            assert self.scheduler.poll() is None, (folder / "log").read_text()
             time.sleep(0.05)
-        address = json.loads(file.read_text())["address"]
-        yield address, scheduler, lambda: start("worker", "--nthreads", "1", "--no-nanny")
+        self.address: str = json.loads(file.read_text())["address"]
+
+    def add_worker(self) -> None:
+        """Start one with one thread."""
+        self._workers.append(self._start("worker", "--nthreads", "1", "--no-nanny"))
+
+    def forget_workers(self) -> None:
+        """End the workers, and wait until a scheduler that is left knows of none."""
+        while self._workers:
+            _end(self._workers.pop())
+        if self.scheduler.poll() is None:
+            from distributed import Client
+
+            with Client(self.address) as client:
+                while client.nthreads():
+                    time.sleep(0.05)
+
+    def close(self) -> None:
+        _end(*self._workers, self.scheduler)
+
+    def _start(self, *words: str) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-W", "ignore", "-m", "dask", *words, *self._options]
+        with (self.folder / "log").open("ab") as log:
+            return subprocess.Popen(command, cwd=self.folder, stdout=log, stderr=log)
+
+
+def _end(*processes: subprocess.Popen[bytes]) -> None:
+    for process in processes:
+        process.kill()
+        process.wait()
+
+
+@pytest.fixture(scope="module")
+def schedulers() -> Iterator[list[Dask]]:
+    """Those that were started: the latest one may still be there."""
+    started = list[Dask]()
+    yield started
+    for each in started:
+        each.close()
+
+
+@pytest.fixture
+def dask(schedulers: list[Dask], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Dask]:
+    """A dask scheduler without workers; it serves one test after the other, until one ends it."""
+    pytest.importorskip("distributed")
+    if not schedulers or schedulers[-1].scheduler.poll() is not None:
+        schedulers.append(Dask(tmp_path_factory.mktemp("dask")))
+    yield schedulers[-1]
+    schedulers[-1].forget_workers()
 
 
 class TestCluster:
@@ -708,62 +768,53 @@ class TestCluster:
         assert "4 of 4 runs done" in done.stdout
         assert all(each.same_as(do(experiment(), each.run)) for each in outcomes_in(tmp_path / "there"))
 
-    def test_the_workers_of_a_cluster_find_the_same(self, tmp_path: Path) -> None:
-        pytest.importorskip("distributed")
+    def test_the_workers_of_a_cluster_find_the_same(self, dask: Dask, tmp_path: Path) -> None:
         wanted = experiment(seeds=4)
         fill(wanted, tmp_path / "here")
         (tmp_path / "experiment.toml").write_text(wanted.to_toml())
         command = (sys.executable, "-m", "sleepcast", "sweep", "experiment.toml", "--out", "there", "--quiet")
-        with (
-            dask(tmp_path) as (address, _, add_worker),
-            subprocess.Popen(
-                [*command, "--cluster", address],
-                cwd=tmp_path,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                text=True,
-            ) as sweep,
-        ):
+        with forkserver.Popen(
+            [*command, "--cluster", dask.address],
+            cwd=tmp_path,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        ) as sweep:
             assert sweep.stderr is not None
             assert sweep.stderr.readline().rstrip().endswith("has no workers: the sweep goes on once there are some")
-            add_worker()
-            add_worker()
+            dask.add_worker()
+            dask.add_worker()
             printed, said = sweep.communicate()
         assert sweep.returncode == 0, said
         assert "8 of 8 runs done" in printed
         here, there = (list(outcomes_in(tmp_path / name)) for name in ("here", "there"))
         assert all(each.same_as(other) for each, other in zip(here, there, strict=True))
 
-    def test_workers_that_come_later_get_runs_too(self, tmp_path: Path) -> None:
+    def test_workers_that_come_later_get_runs_too(self, dask: Dask) -> None:
         distributed = pytest.importorskip("distributed")
         wanted = experiment(seeds=10)
-        with (
-            dask(tmp_path) as (address, _, add_worker),
-            distributed.Client(address) as desk,
-            run.Cluster(wanted, address) as pool,
-        ):
-            add_worker()
+        with distributed.Client(dask.address) as desk, run.Cluster(wanted, dask.address) as pool:
+            dask.add_worker()
             found = pool.map(wanted.runs())
             assert all(each.error == "" for each in next(found))
-            add_worker()
+            dask.add_worker()
             desk.wait_for_workers(2)
             next(found)
             next(found)
             assert len(desk.run_on_scheduler(lambda dask_scheduler: list(dask_scheduler.tasks))) >= 2 * run.AHEAD - 1
             assert 3 + len(list(found)) == len(list(wanted.runs()))
 
-    def test_a_scheduler_that_ends_meanwhile_is_named(self, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    def test_a_scheduler_that_ends_meanwhile_is_named(self, dask: Dask, capfd: pytest.CaptureFixture[str]) -> None:
         """It takes along what it had been given, which is no failure of these runs."""
-        pytest.importorskip("distributed")
         wanted = experiment(seeds=400)
-        with dask(tmp_path) as (address, scheduler, add_worker):
-            add_worker()
-            with run.Cluster(wanted, address) as pool:
-                found = pool.map(wanted.runs())
-                done = next(found)
-                scheduler.kill()
-                with pytest.raises(ClusterLostError, match="has gone; what is done is kept"):
-                    done += [each for more in found for each in more]
+        dask.add_worker()
+        with run.Cluster(wanted, dask.address) as pool:
+            found = pool.map(wanted.runs())
+            done = next(found)
+            dask.scheduler.kill()
+            with pytest.raises(ClusterLostError, match="has gone; what is done is kept"):
+                done += [each for more in found for each in more]
+        dask.scheduler.wait()
         assert all(each.error == "" for each in done)
         assert "Traceback" not in capfd.readouterr().err
 

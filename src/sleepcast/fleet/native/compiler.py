@@ -279,6 +279,9 @@ class Kernel:
     """The native code of some programs in sequence, for robots on which their names have the same meaning.
 
     bodies: those of the fleet, if it may call the robots' own functions, or do what they do
+    kept: whether code that has to be compiled is not wanted
+
+    Raises NotKeptError, or UncompiledError.
     """
 
     def __init__(
@@ -289,6 +292,7 @@ class Kernel:
         *,
         counted: bool = True,
         bodies: object | None = None,
+        kept: bool = False,
     ) -> None:
         calls = bodies is not None
         writer = Writer(programs, names, lanes, counted, calls)
@@ -308,7 +312,7 @@ class Kernel:
         self._written = frozenset(_written(programs, names))
         self._slots = [which for column, which in self._entries if column == "slot" and isinstance(which, int)]
         self._acted = [which for column, which in self._entries if column == "acted" and isinstance(which, int)]
-        self.code = _compiled(text)
+        self.code = _kept(text) if kept else _compiled(text)
         self._begin(bodies, [_bound(bodies, *each) for each in self._calls])
 
     def _begin(self, bodies: object | None, called: list[NativeCall]) -> None:
@@ -456,6 +460,10 @@ class UncompiledError(SleepcastError):
     """A function that native code was to call cannot be compiled on this computer, so that its rules are walked."""
 
 
+class NotKeptError(UncompiledError):
+    """Only code that is kept was wanted, and there is none."""
+
+
 def _bound(bodies: object, function: HostFunction, constants: tuple[float | None, ...]) -> NativeCall:
     """How a function of these bodies is called. Raises UncompiledError."""
     call = None if function.native is None else function.native.bound(bodies, constants)
@@ -532,6 +540,13 @@ def _compiled(text: str) -> NativeCode:
     address = loop.address("round")
     types = ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p
     return NativeCode(address, ctypes.CFUNCTYPE(ctypes.c_int64, *types)(address), loop)
+
+
+def _kept(text: str) -> NativeCode:
+    """The same, if it need not be compiled. Raises NotKeptError."""
+    if CACHE.load(_name(text, processor())) is None:
+        raise NotKeptError("nobody has compiled this yet")
+    return _compiled(text)
 
 
 def _name(*depends: str) -> str:

@@ -24,7 +24,16 @@ from sleepcast.core.records import NamedTuple
 from sleepcast.core.threads import ThreadPool
 from sleepcast.fleet.bodies import ManyBodies
 from sleepcast.fleet.evaluation import FleetEvaluation
-from sleepcast.fleet.native.compiler import LANES, THERE, TROUBLED, Kernel, ResultColumns, UncompiledError, moment
+from sleepcast.fleet.native.compiler import (
+    LANES,
+    THERE,
+    TROUBLED,
+    Kernel,
+    NotKeptError,
+    ResultColumns,
+    UncompiledError,
+    moment,
+)
 from sleepcast.fleet.native.symbols import Name, Size, meaning, name_of
 from sleepcast.fleet.state import FleetState, Mind
 from sleepcast.language.parts import walk
@@ -35,7 +44,8 @@ THREADS = 2
 HOT = 4
 """Walks of the same programs before they are compiled: a command is evaluated once, a rule again and again."""
 MANY = 1_000
-"""Robots; the rules of fewer are walked twice as often first, since that costs little beside the compiler."""
+"""Robots; the rules of fewer are walked twice as often before they are compiled, since that costs little beside it.
+Code that is kept is taken as early as for many."""
 PATIENCE = 0.05
 """Seconds to wait for the code of rules, if none is being made yet. Code that is kept is there by then, while walking
 would take the processor from the thread that fetches it."""
@@ -213,7 +223,9 @@ class Kernels:
             plan = self._plans[sequence] = SequencePlan(sequence)
             self._take_over(sequence, lanes(state))
         plan.rounds += 1
-        if plan.rounds == max(self._hot if state.count >= MANY else 2 * self._hot, 1):
+        if plan.rounds == max(self._hot, 1):
+            self._ask_for(sequence, state, kept=self._hot > 0 and state.count < MANY)
+        elif plan.rounds == 2 * self._hot and state.count < MANY:
             self._ask_for(sequence, state)
         if plan.version != self.ready:
             plan.version = self.ready
@@ -252,15 +264,16 @@ class Kernels:
                     self._rules[piece] = TakenCode(error)
                 self._ready.number += 1
 
-    def _ask_for(self, sequence: RuleSequence, state: FleetState) -> None:
+    def _ask_for(self, sequence: RuleSequence, state: FleetState, *, kept: bool = False) -> None:
+        """Have the pieces of a sequence made, or only taken from what is kept."""
         if len(self._rules) >= MAX_KERNELS:
             self._rules.clear()
         busy, asked = any(not code.done() for code in self._rules.values()), list[Future[Kernel]]()
         for piece in sequence.pieces:
-            if piece not in self._rules:
+            if self._is_missing(piece, kept):
                 names = {name: meant for _, some in piece for name, meant in some}
                 programs = [program for program, _ in piece]
-                made = self._maker.submit(Kernel, programs, names, lanes(state), bodies=self._bodies)
+                made = self._maker.submit(Kernel, programs, names, lanes(state), bodies=self._bodies, kept=kept)
                 self._rules[piece] = made
                 asked.append(made)
                 if self._shares:
@@ -270,6 +283,11 @@ class Kernels:
             self.settle()
         elif not busy:
             wait(asked, PATIENCE)
+
+    def _is_missing(self, piece: tuple[Rule, ...], kept: bool) -> bool:
+        """Whether this piece is to be asked for. What has been asked for may be looked for among what is kept only."""
+        known = self._rules.get(piece)
+        return known is None or (not kept and (not known.done() or isinstance(known.exception(), NotKeptError)))
 
     def _legs(self, rules: tuple[Rule, ...]) -> Iterator[Leg]:
         """From each position the longest piece with code; rules in between are walked."""

@@ -13,7 +13,7 @@ from machines import ALL, MACHINES
 from nomad.world.nomad_time import run, until_rest
 from sleepcast.core.errors import MisuseError
 from sleepcast.nomad.world.building import nomad_world
-from sleepcast.nomad.world.nomad_world import AT_ONCE, NomadWorld
+from sleepcast.nomad.world.nomad_world import NomadWorld
 from sleepcast.robot import Axes, LidarKind, Pose
 from sleepcast.simulator.engine import Machine
 
@@ -229,9 +229,7 @@ class TestContact:
         scout.place(0, Pose(edge, edge, 0.0, 0.0))
         assert scout.observe(0).touched == pytest.approx((0.0, pi / 2))
 
-    @pytest.mark.parametrize("at_once", [0, AT_ONCE])
-    def test_both_robots_feel_each_other(self, at_once: int, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr("sleepcast.nomad.world.nomad_world.AT_ONCE", at_once)
+    def test_both_robots_feel_each_other(self) -> None:
         world = nomad_world(robots=2)
         world.place(1, Pose(1.0, 0.0, pi / 2, 0.0))
         world.set_speeds(0, Axes(0.4, 0.4))

@@ -483,9 +483,6 @@ class Motors:
 FELT = 1e-3
 """Gap that a bumper still registers, m: bodies that were stopped keep a slightly smaller one between them."""
 
-AT_ONCE = 30
-"""Robots of which all pairs are compared for their bumpers; more are looked for by the cells of the grid."""
-
 Values = tuple[float, ...]
 
 
@@ -568,13 +565,7 @@ class NomadSenses:
         lines = solids[listed.items[item]]
         close = distance(x[i], y[i], *lines[:, :4].T) <= radius + lines[:, 4] + FELT
         i, lines = i[close], lines[close]
-        reach = 2.0 * radius + FELT
-        if bodies.count > AT_ONCE:
-            j, other = pairs(near.grid, near.points(x, y), x, y, reach, every)
-        else:
-            squares = (x[:, None] - x) ** 2 + (y[:, None] - y) ** 2
-            np.fill_diagonal(squares, np.inf)
-            j, other = np.nonzero(squares <= reach * reach)
+        j, other = pairs(near.grid, near.points(x, y), x, y, 2.0 * radius + FELT, every)
         if not len(i) and not len(j):
             return [()] * bodies.count
         lines = np.concatenate((lines, discs(x[other], y[other], bodies.radii[other])))

@@ -162,8 +162,14 @@ def test_the_size_of_a_message_is_that_of_its_datagrams() -> None:
         assert real <= encoded_size(message, "lab") <= real + 10 * (1 + length // 1_000)
 
 
-@pytest.mark.parametrize("kind", QUESTIONS)
-@pytest.mark.parametrize("robots", [1, 5])
+@pytest.mark.parametrize(
+    ("kind", "robots"),
+    [
+        pytest.param(kind, robots, marks=pytest.mark.nightly if robots == 1 and number else ())
+        for robots in (1, 5)
+        for number, kind in enumerate(QUESTIONS)
+    ],
+)
 def test_no_kind_of_question_brings_more_bytes_than_the_bound(kind: str, robots: int) -> None:
     found = questioned(kind, robots, 3.0)
     assert 0 < found.said <= found.bound

@@ -15,7 +15,7 @@ NEAR, FAR = 8 * INCH, 10 * INCH
 """Where a robot is to stop, m."""
 EARLY = FAR + 0.5 * INCH
 """m from the nearest thing; who stopped farther away was misled."""
-TWENTY, FOUR, TWO = range(20), range(4), range(2)
+TWENTY, FOUR, TWO, ONE = range(20), range(4), range(2), range(1)
 
 each_of_four_or_twenty = pytest.mark.parametrize(
     "seed", [pytest.param(seed, marks=() if seed in FOUR else pytest.mark.nightly) for seed in TWENTY]
@@ -49,7 +49,7 @@ def test_the_same_where_messages_are_lost(seeds: range, loss: float) -> None:
         check(outcome(seed, loss=loss), (seed, loss))
 
 
-@two_or_twenty
+@pytest.mark.parametrize("seeds", [ONE, pytest.param(TWENTY, marks=pytest.mark.nightly)], ids=str)
 def test_sonars_that_hear_each_other_stop_robots_early_and_a_longer_pause_cures_most(seeds: range) -> None:
     """As the thesis found it: 4 ms between two pings are too short, 24 ms are enough, or nearly."""
     early = {}

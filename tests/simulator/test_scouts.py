@@ -142,7 +142,7 @@ class TestSlip:
     @pytest.mark.parametrize("tick", ["0.05s", "0.2s"])
     def test_noise_gathers_with_the_root_of_the_way(self, tmp_path: Path, tick: str) -> None:
         noise = ("[robots.sonar]", 'slip_noise = "5mm"\n\n[robots.sonar]')
-        sim = scouts(tmp_path, OPEN, noise, ("count = 1\n", "count = 2000\n"), ('tick = "0.1s"', f'tick = "{tick}"'))
+        sim = scouts(tmp_path, OPEN, noise, ("count = 1\n", "count = 1000\n"), ('tick = "0.1s"', f'tick = "{tick}"'))
         bodies = sim.bodies
         bodies.heading[:] = bodies.encoder_heading[:] = 0.0
         bodies.x[:] = bodies.encoder_x[:] = bodies.y[:] = 300.0
@@ -365,8 +365,8 @@ class TestContact:
         assert sim.x[0] > 9.0
 
     def test_a_full_room_is_refused(self, tmp_path: Path) -> None:
-        with pytest.raises(MisuseError, match=r"2000 robots with a radius of 0\.17 m do not fit"):
-            scouts(tmp_path, ("count = 1\n", "count = 2000\n"))
+        with pytest.raises(MisuseError, match=r"1000 robots with a radius of 0\.17 m do not fit"):
+            scouts(tmp_path, ("count = 1\n", "count = 1000\n"))
 
     def test_bodies_at_their_start_touch_nothing(self, tmp_path: Path) -> None:
         sim = scouts(tmp_path, ("count = 1\n", "count = 300\n"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -63,15 +64,23 @@ def said(program: str, caches: Path) -> list[str]:
     return done.stdout.splitlines()
 
 
-def test_numba_is_loaded_for_what_has_to_be_compiled_alone(tmp_path: Path) -> None:
-    assert said(FIRST, tmp_path) == ["[0, 2, 2, 3] True"]
+@pytest.fixture(scope="module")
+def first(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of caches in which a process has kept the first kernel, for which it had to load numba."""
+    caches = tmp_path_factory.mktemp("first")
+    assert said(FIRST, caches) == ["[0, 2, 2, 3] True"]
+    return caches
+
+
+def test_numba_is_loaded_for_what_has_to_be_compiled_alone(first: Path, tmp_path: Path) -> None:
+    shutil.copytree(first, tmp_path, dirs_exist_ok=True)
     assert said(FIRST, tmp_path) == ["[0, 2, 2, 3] False"]
     assert said(FIRST + THEN, tmp_path) == ["[0, 2, 2, 3] False", "[0, 2, 1] True"]
     assert said(FIRST + THEN, tmp_path) == ["[0, 2, 2, 3] False", "[0, 2, 1] False"]
 
 
-def test_a_damaged_entry_is_made_again(tmp_path: Path) -> None:
-    said(FIRST, tmp_path)
+def test_a_damaged_entry_is_made_again(first: Path, tmp_path: Path) -> None:
+    shutil.copytree(first, tmp_path, dirs_exist_ok=True)
     for file in tmp_path.rglob("kernel-entries/*"):
         file.write_bytes(file.read_bytes()[:-1])
     assert said(FIRST, tmp_path) == ["[0, 2, 2, 3] True"]

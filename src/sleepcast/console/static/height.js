@@ -1,7 +1,7 @@
 // How high robots fly, as a layer of the map: a disc behind each, the darker the higher (on a dark page the brighter), and the
 // scale of these shades. There is none where nobody flies.
 
-import { write } from "./elements.js";
+import { hide, write } from "./elements.js";
 import { between } from "./field.js";
 import { few, MAX_SHAPES } from "./swarm.js";
 import { heightText, roundBelow } from "./view.js";
@@ -26,7 +26,7 @@ export class HeightLayer {
     const whole = (pixels) => Math.round(pixels * ratio) / ratio; // what lies between the screen's pixels is drawn slowly
     const shown = heights !== null && this.world.shows("height") && few(view, frame, MAX_SHAPES);
     if (shown) this.grow(heights);
-    this.scale.hidden = !shown || this.most === 0;
+    hide(this.scale, !shown || this.most === 0);
     if (this.scale.hidden) return;
     for (let i = 0; i < count; i += 1) {
       if (!(heights[i] > this.ground(poses[3 * i], poses[3 * i + 1]))) continue;

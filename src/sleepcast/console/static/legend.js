@@ -2,7 +2,7 @@
 // Follow keeps them in the middle. On a narrow screen it is folded to one line.
 
 import { bytes } from "./accounting.js";
-import { write } from "./elements.js";
+import { hide, write } from "./elements.js";
 import { colourName, CRASHED } from "./frame.js";
 import { keep, kept } from "./kept.js";
 import { colourCounts, LOOKS, lookOfColour, lookOfGroup, lookOfKind, picture, KINDS } from "./shapes.js";
@@ -57,8 +57,8 @@ export class Legend extends EventTarget {
     if (items.some((item, index) => this.list.children[index] !== item) || items.length !== this.list.children.length) {
       this.list.replaceChildren(...items);
     }
-    this.fold.textContent = this.summary();
-    this.fold.hidden = lines.length < 2;
+    write(this.fold, this.summary());
+    hide(this.fold, lines.length < 2);
     if (this.chosen && !this.items.has(this.chosen.key)) this.choose(null);
   }
 

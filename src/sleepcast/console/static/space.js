@@ -4,6 +4,7 @@
 // For what is drawn over the robots and for what hands do, it is another `surface` like the map: robots stand in pixels in
 // its `frame`, and its `view` takes them as they are.
 
+import { showAs, wholePixels } from "./elements.js";
 import { Fineness } from "./fineness.js";
 import { CRASHED } from "./frame.js";
 import { gestures } from "./gestures.js";
@@ -100,9 +101,10 @@ export class Space {
   // ---- the eye
 
   resize() {
-    const { width, height } = this.map.getBoundingClientRect();
-    if (!width || !height) return;
     const { ratio } = this.world;
+    const [width, height] = wholePixels(this.map, ratio);
+    if (!width || !height) return;
+    for (const canvas of [this.canvas, this.over]) showAs(canvas, width, height);
     this.orbit.resize(width, height);
     this.painting?.tell("resize", width, height, ratio);
     [this.over.width, this.over.height] = [Math.round(width * ratio), Math.round(height * ratio)];
@@ -324,7 +326,7 @@ export class Space {
     pen.lineTo(view.toScreenX(this.frame.poses[3 * marks.chosen]), view.toScreenY(this.frame.poses[3 * marks.chosen + 1]));
     pen.setLineDash([4, 3]);
     pen.strokeStyle = colours.chosen;
-    pen.lineWidth = 1.4;
+    pen.lineWidth = 2; // it covers pixels wholly wherever it lies, else it is faint at some widths of the window
     pen.stroke();
     pen.setLineDash([]);
   }

@@ -7,6 +7,7 @@ const FASTEST = 10000; // as fast as possible
 const SPEEDS = [0.5, 1, 2, 5, 10, 30, 60, 100, 300, FASTEST];
 const NEAR = 0.05; // of the wanted speed: what differs by less is the measuring
 const BEHIND = 0.93; // below, the page says that the wanted speed is not reached
+const READABLE = 500; // ms that a speed is told at least
 
 export class Time {
   constructor(root, wire) {
@@ -14,6 +15,7 @@ export class Time {
     this.find = (id) => root.querySelector(`#${id}`);
     this.running = true;
     this.wanted = 0;
+    this.toldAt = -Infinity; // when the page told another speed
     this.find("run").addEventListener("click", () => this.toggle());
     this.find("step").addEventListener("click", () => this.step());
     this.find("speed").addEventListener("change", (event) => wire.tell("pace", { factor: Number(event.target.value) }));
@@ -45,11 +47,21 @@ export class Time {
     this.find("run").dataset.waiting = frame.waiting;
     this.find("run").setAttribute("aria-label", frame.running ? "Pause" : frame.waiting ? "Start" : "Run");
     write(this.find("clock"), clock(frame.time));
-    const behind = frame.running && !frame.preparing && frame.wanted < FASTEST && frame.achieved < BEHIND * frame.wanted;
-    const near = Math.abs(frame.achieved - frame.wanted) < NEAR * frame.wanted;
-    const running = `running at ${factor(near ? frame.wanted : frame.achieved)}`;
     this.find("preparing").hidden = !frame.preparing;
-    write(this.find("achieved"), frame.preparing ? "compiling" : frame.running ? running : frame.waiting ? "not started" : "paused");
+    this.tellSpeed(frame);
+  }
+
+  // How fast time runs, or that it does not. A busy computer runs a bit faster or slower at each frame, which nobody could
+  // read: while time runs on, there is another speed no more often than twice a second.
+  tellSpeed({ running, preparing, waiting, wanted, achieved }) {
+    const runs = running && !preparing;
+    const now = performance.now();
+    if (runs && now - this.toldAt < READABLE) return;
+    this.toldAt = runs ? now : -Infinity;
+    const behind = runs && wanted < FASTEST && achieved < BEHIND * wanted;
+    const near = Math.abs(achieved - wanted) < NEAR * wanted;
+    const speed = `running at ${factor(near ? wanted : achieved)}`;
+    write(this.find("achieved"), preparing ? "compiling" : running ? speed : waiting ? "not started" : "paused");
     this.find("achieved").classList.toggle("behind", behind);
   }
 

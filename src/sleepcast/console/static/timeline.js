@@ -2,7 +2,7 @@
 // happened. A page that looks at the past says so, and one key brings it back to now.
 
 import { clock } from "./accounting.js";
-import { write } from "./elements.js";
+import { hide, write } from "./elements.js";
 import { Refusal } from "./wire.js";
 
 export const LIVE_KEY = "F8";
@@ -67,10 +67,10 @@ export class Timeline extends EventTarget {
     if (!this.recorded) this.setEnds(span.began, span.ended);
     if (span.number >= this.looks && !this.sought) this.setAt(span.at); // else it was on its way when the page turned
     this.forked = span.forked;
-    this.find("forked").hidden = this.forked === null;
+    hide(this.find("forked"), this.forked === null);
     if (this.forked !== null) this.find("forked").style.left = `${(100 * (this.forked - this.began)) / Math.max(1e-9, this.ended - this.began)}%`;
-    this.find("alternate").hidden = this.forked === null;
-    this.find("fork").hidden = !span.may_fork || this.at === null;
+    hide(this.find("alternate"), this.forked === null);
+    hide(this.find("fork"), !span.may_fork || this.at === null);
     this.note(span);
     this.tellSeen(span);
   }

@@ -5,6 +5,7 @@
 
 import { colourName, CRASHED, decode, EXHAUSTED, FLAG_NAMES } from "./frame.js";
 import { Density } from "./density.js";
+import { hide, showAs, wholePixels } from "./elements.js";
 import { gestures } from "./gestures.js";
 import { drawAlternate } from "./alternate.js";
 import { drawGround, drawPlaces } from "./ground.js";
@@ -135,9 +136,11 @@ export class World extends EventTarget {
       return false;
     }
     const still = this.frame?.poses === frame.poses; // nothing has moved: there is nothing to draw
+    const passed = this.frame?.tick !== frame.tick;
     this.frame = frame;
     if (still) {
-      if (this.trails.sample(frame, performance.now())) this.repaint("trails");
+      // Trails of who drives are drawn with the next picture, and nothing is drawn in between.
+      if (passed && this.trails.sample(frame, performance.now())) this.repaint("trails");
       this.told = frame;
       this.dispatchEvent(new CustomEvent("drawn", { detail: frame }));
       return true;
@@ -242,11 +245,12 @@ export class World extends EventTarget {
 
   // The pane has another size. An empty canvas would flicker, so all is drawn at once.
   resize() {
-    const { width, height } = this.map.getBoundingClientRect();
     this.ratio = Math.min(2, window.devicePixelRatio || 1);
+    const [width, height] = wholePixels(this.map, this.ratio);
     for (const pen of Object.values(this.pens)) {
       pen.canvas.width = Math.round(width * this.ratio);
       pen.canvas.height = Math.round(height * this.ratio);
+      showAs(pen.canvas, width, height);
       pen.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     }
     this.view.resize(width, height);
@@ -504,7 +508,7 @@ export class World extends EventTarget {
     const { pointed } = this.marks;
     const { tip, view, frame } = on;
     const there = this.pointedOn === on && pointed >= 0 && pointed < frame.count;
-    tip.hidden = !there;
+    hide(tip, !there);
     if (!there) return;
     tip.textContent = this.describe(pointed);
     const x = view.toScreenX(frame.poses[3 * pointed]);

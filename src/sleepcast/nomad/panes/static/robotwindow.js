@@ -1,7 +1,7 @@
 // The Robot window: the world as the chosen robot sees it, by its own belief. Its path, what its sonars saw, and, where
 // a program asks for a place, a click that answers.
 
-import { write } from "../elements.js";
+import { showAs, wholePixels, write } from "../elements.js";
 import { gestures } from "../gestures.js";
 import { drawGrid, drawLabel } from "../ground.js";
 import { drawBody, drawCrosses, drawDots, drawTrace } from "./nomaddrawing.js";
@@ -46,10 +46,11 @@ export class RobotWindow extends EventTarget {
   }
 
   resize() {
-    const { width, height } = this.root.getBoundingClientRect();
-    if (!width || !height) return;
     const ratio = Math.min(2, window.devicePixelRatio || 1);
+    const [width, height] = wholePixels(this.root, ratio);
+    if (!width || !height) return;
     const { canvas } = this.pen;
+    showAs(canvas, width, height);
     [canvas.width, canvas.height] = [Math.round(width * ratio), Math.round(height * ratio)];
     this.pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     this.view.resize(width, height);

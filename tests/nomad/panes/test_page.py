@@ -47,11 +47,18 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
 
 @pytest.fixture
 def nomads(server: Program) -> Program:
-    """The server at four times real time, without STOP, and with the walls of the room alone, whatever the test before
-    left behind and however that ended."""
-    with open_page(let_run(server, 4.0)) as page:
+    """The server in real time, without STOP, and with the walls of the room alone, whatever the test before left behind
+    and however that ended."""
+    with open_page(let_run(server, 1.0)) as page:
         assert page.ask("load", name="room.txt", text=ROOM)["type"] == "done"
     return server
+
+
+@pytest.fixture
+def fast(nomads: Program) -> None:
+    """The server at four times real time, for who waits until a robot has driven somewhere: each second with its sonars
+    takes it a tenth of one."""
+    let_run(nomads, 4.0)
 
 
 @pytest.fixture
@@ -182,6 +189,7 @@ def solid(page: Page, place: tuple[float, float]) -> bool:
 # ---- what a program does is seen
 
 
+@pytest.mark.usefixtures("fast")
 def test_a_program_drives_and_the_page_shows_it(page: Page, robot: Nomad) -> None:
     expect(page.locator("#robot-state")).to_contain_text("driven by 127.0.0.1")
     robot.dp(100, 0)
@@ -251,6 +259,7 @@ def test_a_click_answers_a_program_that_asks_for_a_place(page: Page, robot: Noma
 # ---- what a person does
 
 
+@pytest.mark.usefixtures("fast")
 def test_orders_from_the_page_move_the_robot(page: Page, robot: Nomad) -> None:
     order(page, "pr 300 300")
     expect(page.locator("#answer")).to_have_text("Robot 1 was given: pr 300 300")
@@ -318,6 +327,7 @@ def test_an_order_takes_as_long_as_it_likes_and_is_given_once(page: Page, robot:
     assert "there is no order 'wm'" in wrong.inner_text()  # what was done in the end does not hide it
 
 
+@pytest.mark.usefixtures("fast")
 def test_arrow_keys_drive_for_as_long_as_they_are_held(page: Page, robot: Nomad) -> None:
     page.locator("#map").focus()
     page.keyboard.down("ArrowUp")
@@ -387,6 +397,7 @@ def test_robots_and_obstacles_are_put_elsewhere_by_hand(page: Page, robot: Nomad
     until(page, lambda: not solid(page, at(250, -500)))
 
 
+@pytest.mark.usefixtures("fast")
 def test_the_pad_drives_at_its_first_press_after_a_click_on_the_map(page: Page, robot: Nomad) -> None:
     at = Map(page)
     page.mouse.click(*at(-700, -700))  # the keys belong to the map now
@@ -452,6 +463,7 @@ def connected(nomads: Program) -> Nomad:
     return Nomad.connect("127.0.0.1", int(found[1]), robot=1)
 
 
+@pytest.mark.usefixtures("fast")
 def test_gs_and_ws_say_how_the_robot_is(page: Page, robot: Nomad) -> None:
     robot.place_robot(123, -45, 900, 900)
     order(page, "gs")
@@ -464,6 +476,7 @@ def test_gs_and_ws_say_how_the_robot_is(page: Page, robot: Nomad) -> None:
     expect(page.locator("#answer")).to_contain_text("Robot 1 was given: ws. x 123, y 155")
 
 
+@pytest.mark.usefixtures("fast")
 def test_no_trace_leads_to_where_a_robot_was_put(page: Page, robot: Nomad) -> None:
     robot.refresh()
     robot.place_robot(-500, 0, 0, 0)
@@ -534,6 +547,7 @@ def test_a_world_is_saved_and_loaded(page: Page, robot: Nomad, nomads: Program, 
     until(page, lambda: not solid(page, at(-350, -500)))
 
 
+@pytest.mark.usefixtures("fast")
 def test_the_sensors_have_a_past(page: Page, robot: Nomad) -> None:
     past, bumps = page.locator(LONG_PAST), page.locator(SHORT_PAST)
     robot.refresh()

@@ -36,7 +36,7 @@ def channel() -> str:
 @pytest.fixture
 def served() -> Iterator[Served]:
     world = nomad_world(None, "ideal", 3, 1, machine=NumPyMachine())
-    with serving(world, headless=True) as found:
+    with serving(world, speed=1.0, headless=True) as found:
         yield found
 
 

@@ -715,7 +715,7 @@ def test_robots_together_in_a_large_world_are_seen(context: BrowserContext, tmp_
     small = SMALL.replace('[places.house]\nx = "500m"\ny = "400m"', "").replace(
         "[robots.limits]", "[robots.disc]\nx = 500\ny = 500\nradius = 10\n\n[robots.limits]"
     )
-    with Program("run", write(tmp_path, text=small).parent, "--page") as program:
+    with Program("run", write(tmp_path, text=small).parent, "--page", "--speed", "10") as program:
         page = context.new_page()
         page.goto(program.address)
         scale, fit = page.locator("#scale-text"), page.locator("#fit")
@@ -849,7 +849,7 @@ async () => {
   observer.observe(document.querySelector(".top"), { childList: true, subtree: true });
   const frames = await new Promise((done) => {
     let frames = 0;
-    page.wire.addEventListener("frame", () => (frames += 1) === 40 && done(frames));
+    page.wire.addEventListener("frame", () => (frames += 1) === 20 && done(frames));
   });
   look(observer.takeRecords());
   return [frames, again];
@@ -860,7 +860,7 @@ async () => {
 def test_what_the_bar_says_is_written_when_it_changes_only(rovers: Page) -> None:
     """A text that is written again is laid out again, and all that lies over the map is put together again with it: at
     each of thirty frames a second, though nothing was to be seen. It is the same if what is hidden is hidden again."""
-    assert rovers.evaluate(AGAIN) == [40, []]
+    assert rovers.evaluate(AGAIN) == [20, []]
 
 
 def test_on_a_tablet_stop_stays_in_sight(rovers: Page) -> None:

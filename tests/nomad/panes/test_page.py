@@ -550,6 +550,12 @@ def test_a_world_is_saved_and_loaded(page: Page, robot: Nomad, nomads: Program, 
 @pytest.mark.usefixtures("fast")
 def test_the_sensors_have_a_past(page: Page, robot: Nomad) -> None:
     past, bumps = page.locator(LONG_PAST), page.locator(SHORT_PAST)
+    page.locator("#map").focus()
+    page.keyboard.press("2")
+    expect(bumps).to_have_attribute(
+        "aria-label", "Bumper in the last minute: hit 0 times"
+    )  # by no test before this one
+    page.keyboard.press("1")
     robot.refresh()
     robot.place_robot(780, 0, 0, 0)
     robot.vm(30, 30)  # against the wall

@@ -312,7 +312,7 @@ class Kernel:
         self._written = frozenset(_written(programs, names))
         self._slots = [which for column, which in self._entries if column == "slot" and isinstance(which, int)]
         self._acted = [which for column, which in self._entries if column == "acted" and isinstance(which, int)]
-        self.code = _kept(text) if kept else _compiled(text)
+        self.code = _compiled(text, kept)
         self._begin(bodies, [_bound(bodies, *each) for each in self._calls])
 
     def _begin(self, bodies: object | None, called: list[NativeCall]) -> None:
@@ -527,12 +527,15 @@ class NativeCode:
 
 
 @lru_cache(MAX_CODES)
-def _compiled(text: str) -> NativeCode:
-    """The function in a module's text, optimised for this processor, or from the cache."""
+def _compiled(text: str, kept: bool) -> NativeCode:
+    """The function in a module's text, optimised for this processor, or from the cache. kept: only from there. Raises
+    NotKeptError."""
     with _ONE_AT_A_TIME:
         name = _name(text, processor())
         code = CACHE.load(name)
         if code is None:
+            if kept:
+                raise NotKeptError("nobody has compiled this yet")
             code = _object_of(text)
             CACHE.save(name, code)
         called = {symbol: libm.address(each) or 0 for each in libm.NAMES if (symbol := libm.symbol(each)) in text}
@@ -540,13 +543,6 @@ def _compiled(text: str) -> NativeCode:
     address = loop.address("round")
     types = ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p
     return NativeCode(address, ctypes.CFUNCTYPE(ctypes.c_int64, *types)(address), loop)
-
-
-def _kept(text: str) -> NativeCode:
-    """The same, if it need not be compiled. Raises NotKeptError."""
-    if CACHE.load(_name(text, processor())) is None:
-        raise NotKeptError("nobody has compiled this yet")
-    return _compiled(text)
 
 
 def _name(*depends: str) -> str:

@@ -1,7 +1,7 @@
 // Time: run, pause, one tick; how fast it is wanted to run and how fast it does.
 
 import { clock } from "./accounting.js";
-import { write } from "./elements.js";
+import { hide, write } from "./elements.js";
 
 const FASTEST = 10000; // as fast as possible
 const SPEEDS = [0.5, 1, 2, 5, 10, 30, 60, 100, 300, FASTEST];
@@ -47,7 +47,7 @@ export class Time {
     this.find("run").dataset.waiting = frame.waiting;
     this.find("run").setAttribute("aria-label", frame.running ? "Pause" : frame.waiting ? "Start" : "Run");
     write(this.find("clock"), clock(frame.time));
-    this.find("preparing").hidden = !frame.preparing;
+    hide(this.find("preparing"), !frame.preparing);
     this.tellSpeed(frame);
   }
 

@@ -105,7 +105,9 @@ def order(page: Page, line: str) -> None:
     page.locator("#order").press("Enter")
 
 
-LONG_PAST, SHORT_PAST = (f"[aria-label^='{sensors} in the last minute']" for sensors in ("Sonars", "Bumper"))
+LONG_PAST, SHORT_PAST = (
+    f"[aria-label^='{sensors} in the last minute']:visible" for sensors in ("Sonars", "Bumper")
+)  # hidden until the chosen robot's are known
 
 
 def change_obstacles(page: Page) -> None:

@@ -17,23 +17,33 @@ _P = const((1 << 255) - 19)
 _L = const((1 << 252) + 27742317777372353535851937790883648493)
 
 
-def _power(x, n):
-    """x to the power n, modulo p; `pow` with three arguments is not on every board."""
-    product = 1
-    while n:
-        if n & 1:
-            product = product * x % _P
+def squared(x, times, factor):
+    """The square of the square of x, so many times; times a factor."""
+    for _ in range(times):
         x = x * x % _P
-        n >>= 1
-    return product
+    return x * factor % _P
+
+
+def power(x):
+    """x to the power 2 ** 250 - 1, modulo p, of which the needed ones are made, whose bits are nearly all 1. `pow` with
+    three arguments is not on every board."""
+    most, n = x, 1  # to the power 2 ** n - 1
+    for odd in b"\1\1\1\1\0\1\0":
+        most = squared(most, n, most)
+        n *= 2
+        if odd:
+            most = squared(most, 1, x)
+            n += 1
+    return most
 
 
 _D = const(37095705934669439343138083508754565189542113879843219016388785533085940283555)
-_I = const(19681161376707505956807079304988542015446066515923890162744021073123829784752)
-"""The square root of -1."""
 _X = const(15112221349535400772501151409588531511454012693041857206046113283949847762202)
 _Y = const(46316835694926478169428394003475163141307993866256225615783033603165251855960)
-"""The base."""
+"""The base,"""
+_XH = const(13255665929656146281080449887007641909509999304849491744738638209813853897619)
+_YH = const(55705207129829464869897097349416518624188726193119147708421062336186161442401)
+"""and 2 ** 127 times the base."""
 _SLICE = const(16)
 """Doublings in one slice."""
 
@@ -60,33 +70,10 @@ def _double(a):
     return e * f % _P, g * h % _P, f * g % _P, e * h % _P
 
 
-def _recover(y, sign):
-    """The x of a point with this y, None if there is none."""
-    if y >= _P:
-        return None
-    u, v = (y * y - 1) % _P, (_D * y * y + 1) % _P
-    x = u * v**3 % _P * _power(u * v**7 % _P, (_P - 5) // 8) % _P
-    if v * x * x % _P != u:
-        x = x * _I % _P
-        if v * x * x % _P != u:
-            return None
-    if x == 0 and sign:
-        return None
-    return _P - x if x & 1 != sign else x
-
-
-def point(data):
-    """The point that 32 bytes stand for, None if they stand for none."""
-    y = int.from_bytes(data, "little")
-    sign, y = y >> 255, y & (1 << 255) - 1
-    x = _recover(y, sign)
-    return None if x is None else _moved((x, y, 1, x * y % _P))
-
-
 _ZERO = const((0, 1, 1, 0))
 
 
-def _moved(a):
+def moved(a):
     """The same point, made again where memory is free once the garbage is gone."""
     gc.collect()
     x, y, z, t = a
@@ -98,28 +85,35 @@ def _number(digest):
     return int.from_bytes(digest, "little") % _L
 
 
-def _bytes(a):
+def encoded(a):
+    """The 32 bytes that stand for a point."""
     x, y, z, _ = a
-    z = _power(z, _P - 2)
+    z = squared(power(z), 5, z**11)
     number = y * z % _P | (x * z % _P & 1) << 255
     gc.collect()
     return number.to_bytes(32, "little")
 
 
-def _sum(s, k, a):
-    """s times the base and k times a, in slices; the last `next` raises StopIteration with the point."""
+def _sum(s, k, a, bits):
+    """s times the base and k times a, in slices; the last `next` raises StopIteration with the point. bits: that s and
+    k have at most."""
     base = _X, _Y, 1, _X * _Y % _P
-    both = _moved(_add(base, a))
+    both = moved(_add(base, a))
     total = _ZERO
-    for bit in range(252, -1, -1):
+    for bit in range(bits - 1, -1, -1):
         total = _double(total)
         which = (s >> bit & 1) | (k >> bit & 1) << 1
         if which:
             total = _add(total, base if which == 1 else a if which == 2 else both)
         if bit % _SLICE == 0:
-            total = _moved(total)
+            total = moved(total)
             yield
     return total
+
+
+def times_base(n):
+    """A number times the base, in half as many slices: its halves are taken at once."""
+    return _sum(n & (1 << 127) - 1, n >> 127, (_XH, _YH, 1, _XH * _YH % _P), 127)
 
 
 def verify(public, key, message, signature):
@@ -130,30 +124,18 @@ def verify(public, key, message, signature):
     x, y, z, t = key
     k = _number(sha512(signature[:32], public, *message))
     yield
-    total = yield from _sum(s, k, (_P - x, y, z, _P - t))
-    return _bytes(total) == signature[:32]
-
-
-def expand(seed):
-    """The secret number and the prefix of a key with this seed (32 bytes)."""
-    h = sha512(seed)
-    number = int.from_bytes(h[:32], "little")
-    return number & (1 << 254) - 8 | 1 << 254, h[32:]
+    total = yield from _sum(s, k, (_P - x, y, z, _P - t), 253)
+    return encoded(total) == signature[:32]
 
 
 def sign(secret, public, message):
-    """The signature of the message, in slices. secret: of the seed."""
+    """The signature of the message, in slices. secret: see `points.py`."""
     number, prefix = secret
     r = _number(sha512(prefix, *message))
     yield
-    first = _bytes((yield from _sum(r, 0, _ZERO)))
+    first = encoded((yield from times_base(r)))
     k = _number(sha512(first, public, *message))
     return first + ((r + k * number) % _L).to_bytes(32, "little")
-
-
-def public_key(secret):
-    """The public half of a key."""
-    return _bytes(finished(_sum(secret[0] % _L, 0, _ZERO)))
 
 
 def finished(work):

@@ -5,13 +5,13 @@ import os
 
 from micropython import const
 
-from sleepnode import ed25519
 from sleepnode.keeping import kept
 from sleepnode.keeping import stops as kept_stops
 from sleepnode.latch import Latch
 from sleepnode.mind import Mind
+from sleepnode.points import expand, public_key
 from sleepnode.radio import Clock
-from sleepnode.reader import Refused
+from sleepnode.reader import Refused, unload
 from sleepnode.streams import Streams
 from sleepnode.trust import Trust, key_id
 
@@ -39,8 +39,9 @@ def begin(
     robot.body, robot.radio, robot.fleet = body, radio, fleet
     owner, secret = load_key(key)
     robot.name = name or owner
-    robot._secret = ed25519.expand(secret)
-    robot._public = ed25519.public_key(robot._secret)
+    robot._secret = expand(secret)
+    robot._public = public_key(robot._secret)
+    unload("points")
     robot.key = key_id(robot._public)
     robot.trust, robot.clock, robot.latch = _trusted(trust), Clock(), Latch()
     sensors = [each[0] for each in body.sensors]

@@ -6,6 +6,7 @@ from array import array
 from micropython import const
 
 _MASK = const(0xFFFFFFFFFFFFFFFF)
+_TWICE = const(0x10000000000000001)
 
 
 def _constants():
@@ -36,23 +37,24 @@ memory."""
 
 
 def _block(state, data):
-    """Take 128 bytes into the state."""
-    w = array("Q", [0] * 16)
+    """Take 128 bytes into the state. A number that stands there twice (times _TWICE) is turned by shifting it, and what
+    is above 64 bits is cut off last: each step on such large numbers takes time and memory."""
+    w = array("Q", [int.from_bytes(data[i : i + 8], "big") for i in range(0, 128, 8)])
     a, b, c, d, e, f, g, h = state
+    bc = b ^ c
     for i in range(80):
         j = i & 15
-        if i < 16:
-            w[j] = int.from_bytes(data[8 * i : 8 * i + 8], "big")
-        else:
+        here = w[j]
+        if i > 15:
             x, y = w[(i - 15) & 15], w[(i - 2) & 15]
-            x = ((x >> 1 | x << 63) ^ (x >> 8 | x << 56)) & _MASK ^ x >> 7
-            y = ((y >> 19 | y << 45) ^ (y >> 61 | y << 3)) & _MASK ^ y >> 6
-            w[j] = (w[j] + x + w[(i - 7) & 15] + y) & _MASK
-        t = (e >> 14 | e << 50) ^ (e >> 18 | e << 46) ^ (e >> 41 | e << 23)
-        t = h + (t & _MASK) + (e & f ^ (e ^ _MASK) & g) + _ROUNDS[i] + w[j]
-        u = (a >> 28 | a << 36) ^ (a >> 34 | a << 30) ^ (a >> 39 | a << 25)
-        u = (u & _MASK) + (a & b ^ a & c ^ b & c)
-        h, g, f, e, d, c, b, a = g, f, e, (d + t) & _MASK, c, b, a, (t + u) & _MASK
+            xx, yy = x * _TWICE, y * _TWICE
+            x, y = (xx >> 1 ^ xx >> 8) & _MASK ^ x >> 7, (yy >> 19 ^ yy >> 61) & _MASK ^ y >> 6
+            w[j] = here = (here + x + w[(i - 7) & 15] + y) & _MASK
+        ee, aa, ab = e * _TWICE, a * _TWICE, a ^ b
+        t = h + (ee >> 14 ^ ee >> 18 ^ ee >> 41) + (g ^ e & (f ^ g)) + _ROUNDS[i] + here
+        u = t + (aa >> 28 ^ aa >> 34 ^ aa >> 39) + (b ^ ab & bc)
+        h, g, f, e, d, c, b, a = g, f, e, (d + t) & _MASK, c, b, a, u & _MASK
+        bc = ab
     for i, x in enumerate((a, b, c, d, e, f, g, h)):
         state[i] = (state[i] + x) & _MASK
 

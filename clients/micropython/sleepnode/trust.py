@@ -36,6 +36,15 @@ def make_room(what, *of):
         unload("crowding")
 
 
+def _point(public):
+    try:
+        from sleepnode.points import point
+
+        return point(public)
+    finally:
+        unload("points")
+
+
 def key_id(public):
     return hashlib.sha256(public).digest()[:8]
 
@@ -73,7 +82,7 @@ class Trust:
         """The work of checking a signature, in slices."""
         key = self.keys[which]
         if key[_POINT] is None:
-            key[_POINT] = ed25519.point(key[_PUBLIC])
+            key[_POINT] = _point(key[_PUBLIC])
         return ed25519.verify(key[_PUBLIC], key[_POINT], message, signature)
 
     def is_of(self, which, name):

@@ -5,7 +5,7 @@ import gc
 import json
 import sys
 
-from sleepnode import ed25519
+from sleepnode import ed25519, points
 from sleepnode.body import Body
 from sleepnode.cbor import Malformed
 from sleepnode.envelope import content, look, names, payload, sealed, signed
@@ -99,8 +99,8 @@ for line in sys.stdin:
         text, body = content(bytes.fromhex(asked["content"]))
         print(json.dumps({"text": text, "keys": sorted(body)}))
     elif "seed" in asked:
-        secret = ed25519.expand(bytes.fromhex(asked["seed"]))
-        public = ed25519.public_key(secret)
+        secret = points.expand(bytes.fromhex(asked["seed"]))
+        public = points.public_key(secret)
         found = payload(asked["kind"], asked["numbers"], asked["lab"], asked["sender"], asked["text"], b"\xa0")
         signature = ed25519.finished(ed25519.sign(secret, public, signed(found)))
         datagram = sealed(bytes.fromhex(asked["key"]), found, signature)

@@ -131,6 +131,20 @@ def test_what_was_not_used_for_longest_goes_first(cache: CodeCache, monkeypatch:
     assert not cache.save("f", bytes(11))
 
 
+def test_to_keep_a_piece_is_not_to_look_at_all_that_is_kept(cache: CodeCache, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only after a part of what may be kept; a process that begins looks at once, since others have kept code, too."""
+    looked, make_room = list[int](), code_cache._make_room
+    monkeypatch.setattr(code_cache, "_make_room", lambda directory: looked.append(directory) or make_room(directory))
+    monkeypatch.setattr(code_cache, "MAX_BYTES", 100_000)
+    for number in range(1_000):  # of 132 bytes each: some 750 fit
+        cache.save(str(number), bytes(100))
+        assert len(looked) <= 2 + number // 20
+    assert 90_000 < sum(file.stat().st_size for file in cache.folders[0].iterdir()) <= 100_000
+    looked.clear()
+    CodeCache("rules").save("another", bytes(100))
+    assert len(looked) == 1
+
+
 MANY = """
 import sys
 from sleepcast.core.code_cache import CodeCache

@@ -29,6 +29,9 @@ MAX_BYTES = 32 * 1024 * 1024
 MB, the rules of one scenario some 30 kB: room for ten versions, or for a thousand scenarios."""
 MAX_PIECE = 8 * 1024 * 1024
 """Bytes of one piece at most: some ten times the largest there is."""
+UNSEEN = 32
+"""A process looks again at how much is kept after it has kept one part in so many of `MAX_BYTES`: so much more may lie
+there for a while, for each process that keeps code at the same time. To look takes longer the more there is."""
 DIGEST = sha256().digest_size
 
 
@@ -37,6 +40,8 @@ class CodeCache:
 
     def __init__(self, kind: str) -> None:
         self._kind = kind
+        self._held: dict[Path, tuple[int, int]] = {}
+        """By folder: the bytes that lay there when this process looked last, and those that it has kept since."""
 
     @property
     def folders(self) -> tuple[Path, Path]:
@@ -88,9 +93,17 @@ class CodeCache:
                     folder.mkdir(mode=0o700)
                 with _opened(folder) as directory:
                     _replace(directory, name, _digest(name, data) + data)
-                    _make_room(directory)
+                    self._keep_small(folder, directory, DIGEST + len(data))
                 return True
         return False
+
+    def _keep_small(self, folder: Path, directory: int, size: int) -> None:
+        """See to it that a folder in which so many bytes more are kept does not hold too much."""
+        seen, since = self._held.get(folder, (MAX_BYTES, 0))
+        if seen + since + size > MAX_BYTES or since + size > MAX_BYTES // UNSEEN:
+            self._held[folder] = _make_room(directory), 0
+        else:
+            self._held[folder] = seen, since + size
 
 
 def target_machine(level: int = 2) -> TargetMachine:
@@ -187,17 +200,24 @@ def _replace(directory: int, name: str, data: bytes) -> None:
         raise
 
 
-def _make_room(directory: int) -> None:
-    """Take away what was not used for longest, until the rest is no more than `MAX_BYTES`."""
+def _make_room(directory: int) -> int:
+    """Take away what was not used for longest, if there is more than `MAX_BYTES`, until there is room for what is kept
+    until the next look. Gives how many bytes are left."""
     files = []
     with os.scandir(directory) as entries:
         for entry in entries:
             with suppress(FileNotFoundError):  # another process takes away as well
                 status = entry.stat(follow_symlinks=False)
                 files.append((status.st_mtime, status.st_size, entry.name))
-    room = MAX_BYTES
+    total = sum(size for _, size, _ in files)
+    if total <= MAX_BYTES:
+        return total
+    left, room = 0, MAX_BYTES - MAX_BYTES // UNSEEN
     for _, size, name in sorted(files, reverse=True):
         room -= size
-        if room < 0:
+        if room >= 0:
+            left += size
+        else:
             with suppress(OSError):
                 os.unlink(name, dir_fd=directory)
+    return left

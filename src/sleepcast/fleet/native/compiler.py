@@ -16,7 +16,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from copy import copy
 from enum import IntEnum
-from functools import lru_cache
+from functools import cache, lru_cache
 from hashlib import sha256
 from operator import is_
 from pathlib import Path
@@ -547,8 +547,13 @@ def _compiled(text: str, kept: bool) -> NativeCode:
 
 def _name(*depends: str) -> str:
     """The cache key of code that depends on these texts, on llvmlite, and on this module."""
-    compiler = Path(__file__).read_bytes() + version_of("llvmlite")
-    return sha256(b"\0".join([compiler, *(each.encode() for each in depends)])).hexdigest()
+    return sha256(b"\0".join([_compiler(), *(each.encode() for each in depends)])).hexdigest()
+
+
+@cache
+def _compiler() -> bytes:
+    """What tells this compiler from others."""
+    return Path(__file__).read_bytes() + version_of("llvmlite")
 
 
 def _object_of(text: str) -> bytes:

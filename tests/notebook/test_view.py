@@ -62,6 +62,10 @@ def jupyter_lab(folder: Path) -> Iterator[str]:
         ),
         *("--ServerApp.port_retries=50", "--IdentityProvider.token=secret", f"--ServerApp.root_dir={folder}"),
         *("--LabApp.news_url=", "--LabApp.check_for_updates_class=jupyterlab.NeverCheckForUpdate"),
+        *(
+            "--LabApp.extension_manager=readonly",
+            "--ServerApp.jpserver_extensions={'jupyter_lsp': False, 'jupyter_server_terminals': False}",
+        ),
     ]
     with subprocess.Popen(
         command, env={**os.environ, **own}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
@@ -99,11 +103,11 @@ def run_cell(page: Page, number: int) -> None:
 
 @pytest.mark.browser
 def test_a_view_and_the_cells_command_the_same_fleet(context: BrowserContext, tmp_path: Path) -> None:
-    import nbformat  # which takes seconds, and every process collects this file
-
-    cells = [nbformat.v4.new_code_cell(text.strip()) for text in (BEGIN, ASK, TELL)]
+    new = {"cell_type": "code", "execution_count": None, "metadata": {}, "outputs": []}
+    cells = [{**new, "id": f"cell-{text[:5].strip()}", "source": text.strip()} for text in (BEGIN, ASK, TELL)]
     kernel = {"kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}}
-    nbformat.write(nbformat.v4.new_notebook(cells=cells, metadata=kernel), tmp_path / "try.ipynb")
+    notebook = {"cells": cells, "metadata": kernel, "nbformat": 4, "nbformat_minor": 5}
+    (tmp_path / "try.ipynb").write_text(json.dumps(notebook))
     with jupyter_lab(tmp_path) as address:
         page = context.new_page()
         page.goto(f"{address}/lab/tree/try.ipynb?token=secret", timeout=1000 * PATIENCE)

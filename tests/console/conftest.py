@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
 from console.running import Page, Program, let_run, open_page
 from small_worlds import SMALL, write
+
+if TYPE_CHECKING:
+    from playwright.sync_api import BrowserContext
+    from playwright.sync_api import Page as Window
 
 COMMANDS = """
 [[commands]]
@@ -34,6 +39,16 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
 def program(small: Program) -> Program:
     """Twenty rovers on a page, at five times real time; what they were told before, they know."""
     return let_run(small, 5.0)
+
+
+@pytest.fixture
+def modules(small: Program, context: BrowserContext) -> Iterator[Window]:
+    """Where the page's modules can be called, without the page: it takes most of the time of a test that opens it."""
+    window, complaints = context.new_page(), list[str]()
+    window.on("pageerror", lambda error: complaints.append(str(error)))
+    window.goto(f"http://{small.host}/static/icon.svg")
+    yield window
+    assert not complaints, complaints
 
 
 @pytest.fixture

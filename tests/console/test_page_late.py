@@ -176,6 +176,7 @@ def test_names_that_come_late_leave_a_choice_alone(program: Program, blank: Page
     between = Between(blank)
     blank.goto(program.address)
     expect(blank.locator("#yes")).to_have_text(re.compile(r"\d+"))
+    pause(blank)  # what drives on is drawn, and nobody looks at it
     option = blank.locator("#completions [role=option]")
     for leave in (False, True):
         blank.locator("#text").fill("")
@@ -260,8 +261,8 @@ async () => {
 """
 
 
-def test_no_trail_leads_to_where_a_slider_was_moved(rovers: Page) -> None:
-    assert rovers.evaluate(LEAPS) == [1, 2, 1, 2, 1, 2]
+def test_no_trail_leads_to_where_a_slider_was_moved(modules: Page) -> None:
+    assert modules.evaluate(LEAPS) == [1, 2, 1, 2, 1, 2]
 
 
 AROUND = """
@@ -284,8 +285,8 @@ async () => {
 """
 
 
-def test_no_trail_crosses_the_map_where_a_robot_leaves_a_torus(rovers: Page) -> None:
-    assert rovers.evaluate(AROUND) == [[0.7, 0.2], [9.5, 9]]
+def test_no_trail_crosses_the_map_where_a_robot_leaves_a_torus(modules: Page) -> None:
+    assert modules.evaluate(AROUND) == [[0.7, 0.2], [9.5, 9]]
 
 
 def test_two_pages_keep_one_history(rovers: Page, context: BrowserContext, program: Program) -> None:

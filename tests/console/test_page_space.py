@@ -65,8 +65,8 @@ def rovers(program: Program, context: BrowserContext) -> Iterator[Page]:
 
 @pytest.fixture(scope="module")
 def yard(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
-    """Three copters: on the ground, at 10 m and at 20 m."""
-    with page_of(tmp_path_factory.mktemp("yard"), COPTERS) as started:
+    """Three copters: on the ground, at 10 m and at 20 m; and a lamp."""
+    with page_of(tmp_path_factory.mktemp("yard"), COPTERS.replace("\n[robots]", LAMP)) as started:
         yield started
 
 
@@ -77,14 +77,11 @@ def copters(yard: Program, context: BrowserContext) -> Iterator[Page]:
 
 
 @pytest.fixture
-def wrecks(tmp_path: Path, context: BrowserContext) -> Iterator[Page]:
-    """The page of those, of which the second has touched the third, and both have crashed."""
+def neighbours(tmp_path: Path, context: BrowserContext) -> Iterator[Page]:
+    """The page of those, of which the second is beside the third."""
     beside = COPTERS.replace('{ x = "31m", y = "20m", z = "10m" }', '{ x = "51.2m", y = "20m", z = "20m" }')
     with page_of(tmp_path, beside) as started:
-        for page in opened(started, context):
-            type_in(page, "(WHEN (= id 2) (GOTO 50m 20m))")
-            send(page)
-            yield page
+        yield from opened(started, context)
 
 
 @pytest.fixture(scope="module")
@@ -100,6 +97,25 @@ def hills(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
 def hilly(hills: Program, context: BrowserContext) -> Iterator[Page]:
     """The page of those."""
     yield from opened(hills, context)
+
+
+def await_view(page: Page) -> None:
+    """Wait until a picture stands there: more than its first colour fills a part of it."""
+    page.wait_for_function(
+        """() => {
+          const [canvas] = document.querySelectorAll(".space-map canvas");
+          if (!canvas.width || !canvas.height) return false;
+          const pen = new OffscreenCanvas(32, 32).getContext("2d");
+          pen.imageSmoothingEnabled = false;
+          pen.drawImage(canvas, 0, 0, 32, 32);
+          const counts = {};
+          const seen = new Uint32Array(pen.getImageData(0, 0, 32, 32).data.buffer);
+          for (const each of seen) counts[each] = (counts[each] ?? 0) + 1;
+          return Object.values(counts).filter((count) => count > 4).length > 1;
+        }""",
+        polling=100,
+        timeout=1000 * PATIENCE,
+    )
 
 
 def ring(page: Page) -> tuple[float, float]:
@@ -172,7 +188,7 @@ def test_a_browser_without_webgl_says_so_and_keeps_the_map(program: Program, con
         assert_refused(page, "the browser has no WebGL")
         context.unroute("**/painter.js")
         page.locator("#space").click()
-        until(page, lambda page=page: len(colours_of(page)) > 1)  # it is tried again
+        await_view(page)  # it is tried again
 
 
 @browser
@@ -199,7 +215,7 @@ def test_where_the_browser_takes_the_graphics_away_the_view_gets_others(
     context.route("**/painter.js", lambda route: route.fulfill(body=painter, content_type="text/javascript"))
     for page in opened(program, context):
         page.locator("#space").click()
-        until(page, lambda page=page: len(colours_of(page)) > 1)
+        await_view(page)
         (first,) = page.workers
         first.evaluate("made.getExtension('WEBGL_lose_context').loseContext()")
         until(page, lambda page=page, first=first: page.workers and page.workers[0] is not first)
@@ -217,6 +233,8 @@ def test_pictures_of_the_ground_are_closed_once_they_are_drawn(program: Program,
       addEventListener("message", ({ data }) => {
         for (const given of data.flat(2)) if (given instanceof ImageBitmap) self.sheets.push(given);
       });
+      const tell = self.postMessage.bind(self);
+      self.postMessage = (...what) => setTimeout(() => tell(...what), 300);  // so long a picture takes
     """
     painter = kept + (STATIC / "painter.js").read_text()
     context.route("**/painter.js", lambda route: route.fulfill(body=painter, content_type="text/javascript"))
@@ -231,9 +249,13 @@ def test_pictures_of_the_ground_are_closed_once_they_are_drawn(program: Program,
     """)
     for page in opened(program, context):
         page.locator("#space").click()
-        until(page, lambda page=page: len(colours_of(page)) > 1)
-        for _ in range(8):  # faster than they are drawn
-            page.locator("#theme").click()
+        await_view(page)
+        page.evaluate("""async () => {
+          for (let turn = 0; turn < 5; turn += 1) {  // faster than they are drawn
+            document.getElementById("theme").click();
+            await new Promise((done) => requestAnimationFrame(done));
+          }
+        }""")
         (painter_thread,) = page.workers
         for thread in (page, painter_thread):
             until(page, lambda thread=thread: thread.evaluate("sheets.length > 1"))
@@ -254,7 +276,7 @@ def test_an_error_of_the_drawing_thread_is_no_lack_of_webgl(program: Program, co
     assert_refused(page, "Uncaught Error: no shadow", again)
     context.unroute("**/painter.js")
     page.locator("#space").click()
-    until(page, lambda: len(colours_of(page)) > 1)
+    await_view(page)
 
 
 def assert_refused(page: Page, reason: str, advice: str = "Turn on WebGL in its settings, or use another one.") -> None:
@@ -328,13 +350,13 @@ def test_ground_and_sky_are_those_of_the_map_and_a_line_leads_down(copters: Page
 
 
 @browser
-def test_the_ground_lies_as_on_the_map(tmp_path: Path, context: BrowserContext) -> None:
-    with page_of(tmp_path, COPTERS.replace("\n[robots]", LAMP)) as started:
-        for page in opened(started, context):
-            page.locator("#space").click()
-            glow = until(page, lambda page=page: rows_of(page, lambda rgb: rgb[..., 0] > rgb[..., 2] + 60))
-            area = rows_of(page, lambda rgb: (rgb == (0xF8, 0xFA, 0xFB)).all(axis=-1))
-            assert np.mean(glow) < np.mean(area), "the lamp stands in the north"
+def test_the_ground_lies_as_on_the_map(copters: Page) -> None:
+    page = copters
+    page.locator("#space").click()
+    await_view(page)
+    glow = until(page, lambda: rows_of(page, lambda rgb: rgb[..., 0] > rgb[..., 2] + 60))
+    area = rows_of(page, lambda rgb: (rgb == (0xF8, 0xFA, 0xFB)).all(axis=-1))
+    assert np.mean(glow) < np.mean(area), "the lamp stands in the north"
 
 
 def rows_of(page: Page, wanted: Callable[[np.ndarray], np.ndarray]) -> list[int]:
@@ -406,21 +428,21 @@ def calculated(page: Page, module: str, script: str) -> Any:
 
 
 @browser
-def test_forms_and_the_camera_are_right(rovers: Page) -> None:
+def test_forms_and_the_camera_are_right(modules: Page) -> None:
     counts = calculated(
-        rovers,
+        modules,
         "forms",
         """(f) => ['copter', 'farCopter', 'plane', 'farPlane', 'rover', 'farRover'].map(
           (kind) => f[kind]().triangles.length / 3
         )""",
     )
     assert counts == [29, 4, 16, 6, 10, 3]
-    cross = calculated(rovers, "forms", "(f) => f.cross().triangles.length / 3")
+    cross = calculated(modules, "forms", "(f) => f.cross().triangles.length / 3")
     assert max(counts) + cross <= 60
 
     square, hole, island = ([[a, a], [b, a], [b, b], [a, b]] for a, b in ((0, 10), (2, 8), (4, 6)))
     given = calculated(
-        rovers,
+        modules,
         "forms",
         f"""(f) => {{
           const parts = [];
@@ -433,7 +455,7 @@ def test_forms_and_the_camera_are_right(rovers: Page) -> None:
     )
     assert given == [[4, 1, 0], [4, 0, 4]], "what an odd number of outlines encloses is solid"
     tops = calculated(
-        rovers,
+        modules,
         "forms",
         f"""(f) => [0, 1].map((one) => {{
           const form = f.prisms([[{square}], [{hole}]].slice(one, one + 1), () => [3, 7][one], () => []);
@@ -443,7 +465,7 @@ def test_forms_and_the_camera_are_right(rovers: Page) -> None:
     assert tops == [3, 7]
 
     seen = calculated(
-        rovers,
+        modules,
         "orbit",
         """({ Orbit }) => {
           const orbit = new Orbit();
@@ -472,22 +494,25 @@ def test_forms_and_the_camera_are_right(rovers: Page) -> None:
 
 
 @browser
-def test_who_has_crashed_has_a_cross_there_too(copters: Page, wrecks: Page) -> None:
-    def crosses(page: Page) -> bool:
+def test_who_has_crashed_has_a_cross_there_too(neighbours: Page) -> None:
+    page = neighbours
+
+    def crosses() -> bool:
         bad = page.evaluate("getComputedStyle(document.documentElement).getPropertyValue('--bad')").strip()
         return bad in colours_of(page, 20)
 
-    for page in (wrecks, copters):
-        page.locator("#space").click()
-        until(page, lambda page=page: len(colours_of(page)) > 1)
-    assert until(wrecks, lambda: crosses(wrecks))
-    assert not crosses(copters)
+    page.locator("#space").click()
+    await_view(page)
+    assert not crosses()
+    type_in(page, "(WHEN (= id 2) (GOTO 50m 20m))")  # it touches the third, and both crash
+    send(page)
+    until(page, crosses)
 
 
 @browser
-def test_where_pictures_take_long_they_are_coarse_while_something_moves(rovers: Page) -> None:
+def test_where_pictures_take_long_they_are_coarse_while_something_moves(modules: Page) -> None:
     found = calculated(
-        rovers,
+        modules,
         "fineness",
         """async ({ Fineness }) => {
           let again;
@@ -511,9 +536,9 @@ def test_where_pictures_take_long_they_are_coarse_while_something_moves(rovers: 
 
 
 @browser
-def test_each_robot_has_the_form_of_its_type(rovers: Page) -> None:
+def test_each_robot_has_the_form_of_its_type(modules: Page) -> None:
     found = calculated(
-        rovers,
+        modules,
         "solids",
         """(s) => {
           const { members, forms, places } = s.membersOf(6, [[2, 'plane'], [1, 'rover'], [2, 'plane']], 'copter');

@@ -608,7 +608,7 @@ class Fleet(Mapping[str, RobotView]):
     @property
     def rests(self) -> bool:
         """Whether any robot sleeps, is frozen, or holds its body still."""
-        return self._bodies.resting(self.rows()) is not None or bool(self.state.still.any())
+        return self._bodies.resting(self.rows()) is not None or bool(np.count_nonzero(self.state.still))
 
     def _run_rules(self, rows: Rows) -> None:
         """One round of the active rules. A driven robot whose rules move its body is not driven any more."""

@@ -25,6 +25,7 @@ from sleepcast.core.ticks import tick_at
 from sleepcast.fleet import Fleet
 from sleepcast.fleet.quiet import QuietMinds
 from sleepcast.simulator import Order, Simulator
+from sleepcast.simulator.quiet.layout import TOUCHED
 from sleepcast.simulator.scenario.events import event_ticks
 
 if TYPE_CHECKING:
@@ -102,8 +103,8 @@ class QuietWorld:
         self._told = 0
         """How often minds had looked at their rules when the block was told of these."""
         self._asked: frozenset[int] = frozenset()
-        self._reports = False
-        """Whether the last tick has anything to report."""
+        self._attends = self._reports = False
+        """Whether any desk has to attend at some time; whether the last tick has anything to report."""
         self._moves: Moves | None = None
         """What compiled code copies when telemetry is sampled; None if it does not do that."""
         self.ticks = 0
@@ -184,10 +185,10 @@ class QuietWorld:
     def _before_reports(self, now: int) -> int:
         """Ticks up to the next one that has something to report, telemetry apart: at least 1."""
         swarm, ticks = self._swarm, [self._most]
-        for desk in swarm.desks:
-            due = max(0.0, desk.next_due)  # one that has never sent a heartbeat is overdue since -inf
-            if due < inf:
-                ticks.append(max(1, int(due / self._tick) - 1 - now))
+        due = min([desk.next_due for desk in swarm.desks], default=inf)
+        self._attends = due < inf
+        if self._attends:  # a desk that has never sent a heartbeat is overdue since -inf
+            ticks.append(max(1, int(max(0.0, due) / self._tick) - 1 - now))
         if swarm.simulator.scenario.measures:
             following = swarm.simulator.measuring.following(now)
             ticks += [] if following is None else [following - now]
@@ -216,7 +217,7 @@ class QuietWorld:
         block.sample(0 if self._moves is None else swarm.telemetry_ticks, self._moves, sonars=sonars)
         left = bool(desks) and self._moves is None
         sampled = left and (swarm.simulator.tick + ticks) % swarm.telemetry_ticks == 0
-        self._reports = sampled or any(desk.next_due < inf for desk in desks)
+        self._reports = sampled or self._attends
         block.begin(ticks, sampled and sonars and (bool(self._asked) or swarm.radio.reaches_all))
         swarm.whole = False
         return ticks
@@ -238,33 +239,33 @@ class QuietWorld:
         if not block.moved:
             self.cancel()
             return 0
-        ticks, trouble = block.done if made is None else made, block.trouble
+        ticks, left = block.done if made is None else made, block.left
         block.note()
         simulator = swarm.simulator
         minds.note(ticks, block.most_steps)
-        left = trouble is not None or block.touched
-        self._note_samples(simulator.tick - left, ticks)
-        if block.touched:
+        begun = left is not None
+        self._note_samples(simulator.tick - begun, ticks)
+        if left == TOUCHED:
             minds.at(simulator.tick - 1, (simulator.tick - 1) * self._tick)
             swarm.follow()
         else:
-            self._follow(trouble)
+            self._follow(left)
         swarm.whole = True
         for witness in swarm.witnesses:
             witness.ticked()
-        self.ticks += ticks + left
-        return ticks + left
+        self.ticks += ticks + begun
+        return ticks + begun
 
-    def _follow(self, trouble: int | None) -> None:
+    def _follow(self, left: int | None) -> None:
         """The rest of the latest tick, in which rules have run, all of them or up to a leg that has left robots."""
         swarm, minds, simulator = self._swarm, self._minds, self._swarm.simulator
         minds.at(simulator.tick, simulator.time)
-        if trouble is not None:
-            minds.finish(trouble)
+        if left is not None:
+            minds.finish(left)
         swarm.thought = self._everybody if minds.awake else self._nobody
         if simulator.scenario.measures:
             simulator.measuring.observe(simulator.tick, simulator.time)
-        if trouble is not None or self._reports:
+        if left is not None or self._reports:
             swarm.report()
 
     def _note_samples(self, tick: int, ticks: int) -> None:

@@ -158,6 +158,9 @@ class BodyBlock:
         """Whether its bodies do: then ticks end early where they may have touched, or come to their fence."""
         last = words.KERNELS if self.flies else words.FLY if bodies.laws.slides else words.SLIDE
         self.words: Words = np.zeros(words.BLOCKS[last], np.int64)
+        self.address = int(self.words.ctypes.data)
+        self._alone, self._kernels = np.array([self.address]), addresses(flies=self.flies)
+        """What is called to make the ticks of this world alone."""
         self._reals = self.words.view(np.float64)
         self._points = Sorted(np.zeros(bodies.count, np.int32), np.zeros(grid.cells + 1, np.int32))
         self._close = np.ones(bodies.count, np.bool_)
@@ -184,10 +187,6 @@ class BodyBlock:
         if flight is not None and (not flight.compiles or len(self._bodies.near.lines)):
             return False
         return sonars is None or not (sonars.firing.in_order or sonars.turret is not None)
-
-    @property
-    def address(self) -> int:
-        return int(self.words.ctypes.data)
 
     @property
     def scratch(self) -> Scratch | None:
@@ -257,16 +256,11 @@ class BodyBlock:
         return int(self.words[words.DONE])
 
     @property
-    def trouble(self) -> int | None:
-        """The leg that has left robots to be walked in the tick after those; None for none."""
-        leg = int(self.words[words.TROUBLE])
-        return leg - 1 if leg > 0 else None
-
-    @property
-    def touched(self) -> bool:
-        """Whether bodies may have touched or come to their fence in the tick after those, of which only the motion was
-        made."""
-        return int(self.words[words.TROUBLE]) == words.TOUCHED
+    def left(self) -> int | None:
+        """Why the tick after those is not finished: the leg that has left robots to be walked, or `layout.TOUCHED`
+        where bodies may have touched or come to their fence, and only the motion was made; None where there is none."""
+        why = int(self.words[words.TROUBLE])
+        return None if not why else why if why < 0 else why - 1
 
     @property
     def most_steps(self) -> list[int]:
@@ -285,7 +279,7 @@ class BodyBlock:
 
     def make(self) -> None:
         """Make the ticks that are to be made, of this world alone."""
-        kernels_quiet.quiet(np.array([self.address]), addresses(flies=self.flies), 0, 1)
+        kernels_quiet.quiet(self._alone, self._kernels, 0, 1)
 
     def prepare(self) -> None:
         """Bring the block up to date with the world."""
@@ -451,8 +445,8 @@ class BodyBlock:
 
     def _call(self, kernel: int, *arguments: object) -> None:
         """Write the arguments of a kernel."""
-        expected = addresses(flies=self.flies)[kernel]
-        assert CALLED[kernel].address(*arguments) == expected  # the types of arguments are those of the samples
+        address = CALLED[kernel].address(*arguments)
+        assert address == self._kernels[kernel]  # the types of arguments are those of the samples
         begin, end = words.BLOCKS[kernel : kernel + 2]
         self.words[begin:end] = flat(arguments)
 

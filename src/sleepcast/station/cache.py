@@ -11,8 +11,7 @@ from pathlib import Path
 
 import msgspec
 
-from sleepcast.channel import Kind, Message
-from sleepcast.channel.message import MAX_NAME, TELEMETRY
+from sleepcast.channel.message import MAX_NAME
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.files import data_folder, replace_file
 from sleepcast.core.serial import SerialError, pack, unpack
@@ -120,9 +119,9 @@ class TelemetryCache:
         minds.began = now
         for name, at, telemetry in state.tellers[:MAX_TELLERS]:
             if 0 < len(name) <= MAX_NAME and isfinite(at) and now - at <= MAX_AGE:
-                minds.take(_answer(name, telemetry), min(at, now))
+                minds.restore(name, telemetry, min(at, now))
         for text in state.texts[: MAX_TYPES + MAX_MINDS]:
-            minds.take(_answer("desk", text), now)
+            minds.restore("", text, now)
         return state.commanded if state.commanded <= now else now
 
     def save(self, minds: RemoteMinds, now: float, commanded: float) -> None:
@@ -138,7 +137,3 @@ class TelemetryCache:
             replace_file(self.file, pack(CachedTelemetry(VERSION, minds.texts(), tellers, commanded), MAX_SEEN))
         except (OSError, SerialError) as error:
             raise CacheError(f"cannot save telemetry ({self.file}: {error})") from None
-
-
-def _answer(name: str, telemetry: object) -> Message:
-    return Message(name, 0, 0, Kind.ANSWER, 0.0, body={TELEMETRY: telemetry})

@@ -330,6 +330,16 @@ class RemoteMinds(Mapping[str, RemoteMind]):
             self.malformed += 1
             return []
 
+    def restore(self, name: str, told: TelemetryRecord | str, then: float) -> None:
+        """Take in what another desk has stored: a text, or what the robot of this name told `then` (s)."""
+        try:
+            if isinstance(told, str):
+                self._take_text(told, then)
+            else:
+                self._take_telemetry(name, read_telemetry(told), then)
+        except TelemetryError:
+            self.malformed += 1
+
     def _is_of_another(self, message: Message, telemetry: TelemetryRecord, now: float) -> bool:
         """Whether another robot has the same name that is shown already: a robot does not jump to and fro."""
         holders = () if self.conflicts is None else self.conflicts.holders(message.sender, now)

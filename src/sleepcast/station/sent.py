@@ -131,12 +131,13 @@ class Answers(Mapping[str, Answer]):
         """What one robot answers."""
         if len(self._heard) < len(self.names):
             self.make_room()
-        before = self._outcome[robot]
+        before = self._outcome.item(robot)
         if before not in (SILENT, WAITS) or (before == WAITS and answer.outcome is Outcome.WAITING):
             return
         self._count += int(before == SILENT)
         self.version += 1
-        self._note_waiting(np.array([robot]))
+        if before == WAITS:
+            self._note_waiting(np.array([robot]))
         self._note_bound(answer.bound)
         self._outcome[robot] = CODES[answer.outcome]
         self._heard[robot] = answer.heard

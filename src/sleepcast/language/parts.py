@@ -24,10 +24,10 @@ explainer shows it. What a part means is said by its `op`:
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
 from zlib import crc32
 
 from sleepcast.core.model import HostFunction, NeighbourSensor
+from sleepcast.core.records import NamedTuple
 from sleepcast.language.acts import ACTS
 from sleepcast.language.functions import MAX_PRIORITY, PRIORITY, Function
 from sleepcast.language.reader import Form, List, Number, Symbol, format_literal, replaced, show

@@ -19,13 +19,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from enum import StrEnum
 from math import inf, nan
-from typing import NamedTuple
 from zlib import crc32
 
 import msgspec
 
 from sleepcast.channel.message import BID, GRANTS, MAX_NAME, MAX_NUMBER, natural_order
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.records import NamedTuple
 from sleepcast.language.explain import BidStanding, BidState
 from sleepcast.language.functions import MAX_CHOSEN
 from sleepcast.language.parts import Auction

@@ -84,8 +84,11 @@ def test_what_is_sent_to_both_is_refused(shared: Shared) -> None:
 
 
 def test_a_look_marks_the_name(shared: Shared) -> None:
-    watched = json.loads(shared.on_air("watch", "--once", "--json").out)
-    assert [(robot["name"], robot["shared"]) for robot in watched["robots"]] == [("r1", True), ("r2", False)]
+    def marks(found: Called) -> bool:
+        robots = json.loads(found.out)["robots"]
+        return [(robot["name"], robot["shared"]) for robot in robots] == [("r1", True), ("r2", False)]
+
+    watched = json.loads(again_until(marks, lambda: shared.on_air("watch", "--once", "--json")).out)
     assert watched["notices"][0].startswith("2 robots have the name r1, one ")
 
 

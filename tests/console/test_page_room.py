@@ -77,6 +77,7 @@ def test_a_link_opens_the_same_view(rovers: Page, context: BrowserContext) -> No
 
 
 def test_the_side_is_made_wider_by_hand_and_stays_so(rovers: Page) -> None:
+    rovers.set_viewport_size({"width": 1440, "height": 900})  # in a smaller one it is soon as wide as can be
     bar, side = rovers.locator(".side > .splitter"), rovers.locator(".side")
     before = side.evaluate("side => side.offsetWidth")
     bar.focus()

@@ -30,6 +30,9 @@ def page(room: Program, context: BrowserContext) -> Iterator[Page]:
 
 
 def test_lines_go_to_what_it_sees_and_end_at_walls(page: Page) -> None:
+    page.set_viewport_size({"width": 1440, "height": 900})  # where lines are longer than rings are wide
+    page.reload()
+    await_picture(page)
     page.locator("#map").focus()
     page.keyboard.press("ArrowUp")  # the one nearest to the middle
     expect(page.locator("#robot-name")).to_have_text("rover1")

@@ -141,7 +141,7 @@ class Window:
 
     def _robot(self, name: str, heard: float | None, columns: Sequence[str], now: float) -> dict[str, object]:
         row: dict[str, object] = {"name": name, "heard": None if heard is None else now - heard}
-        row["clock"] = self.station.clocks.ahead(name)
+        row |= {"clock": self.station.clocks.ahead(name), "shared": name in self.station.shared_names}
         mind = self.telemetry.minds.get(name)
         if mind is None:
             return row | {"told": None}
@@ -150,7 +150,7 @@ class Window:
         row |= {"told": now - mind.reported_at, "stopped": mind.stopped, "driven": telemetry.driven}
         rest = mind.rest_state()
         row["motion"] = None if rest is None else state_as_dict(rest)
-        row |= {"catching_up": telemetry.catching_up, "doubt": mind.doubt, "shared": name in self.station.shared_names}
+        row |= {"catching_up": telemetry.catching_up, "doubt": mind.doubt}
         row |= {"flags": _flags(mind), "groups": sorted(telemetry.groups)}
         return row | {"rules": len(mind.rules()), "values": values}
 
@@ -188,15 +188,16 @@ class Window:
 
     def _row(self, name: str, heard: float | None, columns: Sequence[str], now: float) -> list[str]:
         mind = self.telemetry.minds.get(name)
+        shared = [SHARED] * (name in self.station.shared_names)
         if mind is None:
-            return [name, "never", "" if heard is None else f"heard {ago(now - heard)}", "", *("" for _ in columns)]
+            state = " ".join(shared + ([] if heard is None else [f"heard {ago(now - heard)}"]))
+            return [name, "never", state, "", *("" for _ in columns)]
         since = now - mind.reported_at
         late = "silent " if since > self.station.stale_after else ""
         telemetry = mind.telemetry
         words = [_stopped(mind, self._unit("speed") or "m/s")] if mind.stopped else []
         words += ["driven"] * telemetry.driven + ["catching up"] * telemetry.catching_up
-        words += [SHARED] * (name in self.station.shared_names)
-        state = " ".join(words + _flags(mind))
+        state = " ".join(words + shared + _flags(mind))
         values = _values(mind, columns)
         return [
             name,

@@ -86,7 +86,7 @@ def did_you_mean(name: str, candidates: Iterable[str]) -> str:
     return f" (did you mean {meant}?)" if meant else ""
 
 
-_COMMA = r"\s*([+-]?\d{1,15}),(\d{1,15})(\s*[A-Za-z%][A-Za-z/0-9]*|)\s*"
+_COMMA = re.compile(r"\s*([+-]?\d{1,15}),(\d{1,15})(\s*[A-Za-z%][A-Za-z/0-9]*|)\s*")
 THOUSANDS = 3
 """Digits behind a comma that may stand between thousands."""
 
@@ -94,7 +94,7 @@ THOUSANDS = 3
 def decimal_comma(text: object) -> str:
     """`. Decimals have a point, not a comma: 12.5` for a number with a comma, or an empty text. A comma that may stand
     between thousands is named as both."""
-    match = re.fullmatch(_COMMA, text) if isinstance(text, str) else None
+    match = _COMMA.fullmatch(text) if isinstance(text, str) else None
     if match is None:
         return ""
     whole, rest, unit = match.groups()

@@ -272,12 +272,12 @@ def brief(form: Form, text: str) -> str:
 MAX_MEANT = 16
 """Of a text for which something is proposed: more are prose."""
 CONDITIONS = ("if", "when", "where")
-_ALONE = rf"(\d)\s+({'|'.join(map(re.escape, UNITS))})(?=[\s()]|$)"
+_ALONE = re.compile(rf"(\d)\s+({'|'.join(map(re.escape, UNITS))})(?=[\s()]|$)")
 
 
 def meant(forms: Sequence[Form], text: str) -> str:
     """The expression that the forms of `text` probably stand for; "" where that cannot be guessed."""
-    joined = re.sub(_ALONE, r"\1\2", text)
+    joined = _ALONE.sub(r"\1\2", text)
     forms = forms if joined == text else read_all(joined)
     return "" if len(forms) > MAX_MEANT else _meant(forms, joined)
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from functools import cache
 
 from sleepcast.core.records import NamedTuple
 from sleepcast.language.reader import QUASIQUOTE, QUOTE, Form, List, Number, Symbol, read, walk
@@ -99,11 +98,11 @@ _NEWEST = f"""
             (SETQ MERGED ,MERGED)
             (SETQ A ,MERGED)))))
       N)"""
-_MERGED = {"max": (_BEST, ">", "-"), "min": (_BEST, "<", "+"), "newest": (_NEWEST, ">", "-")}
+_MERGED = {"max": (read(_BEST), ">", "-"), "min": (read(_BEST), "<", "+"), "newest": (read(_NEWEST), ">", "-")}
 """How values are merged: what SHARE is written out as, the sign of a better value, and of one that is worse by C."""
 REMEMBERS = re.compile(rf"\(\s*(?:{'|'.join((*FORMS, SHARE))})\b", re.IGNORECASE)
 """What a text that has one of these forms has in it; so may others."""
-_template = cache(read)
+_TEMPLATES = {name: read(written.text) for name, written in FORMS.items()}
 
 
 Own = Callable[[str], bool]
@@ -161,7 +160,7 @@ class _Rule:
         for variable in "ms" if form.head == "age" else "m":
             reset = read(f"(PROGN (DEFVAR {names[variable]}) (SETQ {names[variable]} {written.first}))")
             self.resets.extend(_filled(reset, {}, self.where))
-        return _filled(_template(written.text), values, form)[0]
+        return _filled(_TEMPLATES[form.head or ""], values, form)[0]
 
     def _share(self, form: List) -> Form:
         """A value that is shared; `form` itself if it is not written as it should be."""
@@ -183,7 +182,7 @@ class _Rule:
         values: dict[str, tuple[Form, ...]] = {short: (Symbol(long),) for short, long in names.items()}
         values |= {"a": (name,), "c": (step,)}
         self.resets.extend(_filled(read("(PROGN (DEFVAR A) (DEFVAR M) (SETQ M UNKNOWN))"), values, self.where))
-        return _filled(_template(template), values, form)[0]
+        return _filled(template, values, form)[0]
 
 
 def _filled(template: Form, values: dict[str, tuple[Form, ...]], where: Form) -> tuple[Form, ...]:

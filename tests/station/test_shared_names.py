@@ -8,6 +8,7 @@ from safety.scene import KEYS, START, Robot, Scene
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import LOOK, Inspection
 from sleepcast.channel.name_conflicts import LASTS
+from sleepcast.cli.watch import SHARED, Window
 from sleepcast.console import Scene as Ground
 from sleepcast.console.adapters.channel import EMPTY, FleetAdapter
 from sleepcast.station import DoubtError
@@ -39,6 +40,16 @@ def known(scene: Scene) -> NetworkStation:
 def silence(scene: Scene, name: str) -> None:
     """A robot goes on, and nobody hears it or is heard: as a process that is frozen."""
     scene.fleet[name].on = False
+
+
+def test_a_watch_marks_a_robot_that_has_told_nothing_yet() -> None:
+    scene, _ = shared()
+    desk = known(scene)
+    window = Window(desk, TelemetryClient(desk, RemoteMinds()), None, None)
+    (robot,) = [each for each in map(dict, window.as_dict()["robots"]) if each["name"] == R1]
+    assert (robot["told"], robot["shared"]) == (None, True)
+    names, _, states, *_ = (list(column.cells) for column in window.table(10).columns)
+    assert [str(name) for name, state in zip(names, states, strict=True) if SHARED in str(state)] == [R1]
 
 
 def test_a_stop_counts_when_both_have_confirmed_it() -> None:

@@ -318,7 +318,7 @@ class Sonars:
         self._version = self._near.world.version
         self._wanted = wanted.copy()
         self._fresh[:] = True
-        self._complete = bool(np.count_nonzero(wanted) == len(wanted))
+        self._complete = bool(np.count_nonzero(wanted) == len(wanted))  # sooner than `all` of so few
 
     def sense(
         self,

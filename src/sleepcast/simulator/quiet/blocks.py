@@ -260,7 +260,9 @@ class BodyBlock:
         """Why the tick after those is not finished: the leg that has left robots to be walked, or `layout.TOUCHED`
         where bodies may have touched or come to their fence, and only the motion was made; None where there is none."""
         why = int(self.words[words.TROUBLE])
-        return None if not why else why if why < 0 else why - 1
+        if why == words.TOUCHED:
+            return why
+        return why - 1 if why else None
 
     @property
     def most_steps(self) -> list[int]:

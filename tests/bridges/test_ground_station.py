@@ -52,10 +52,12 @@ class Desk:
         if key is not None:
             self.mav.signing.secret_key, self.mav.signing.sign_outgoing = key, True
         self.seen: dict[str, Any] = {}
+        """The last message of each type; that of a type which came later stands behind."""
         self.waiting: list[bytes] = []
 
     def look(self, data: bytes) -> None:
         for message in self.mav.parse_buffer(bytearray(data)) or ():
+            self.seen.pop(message.get_type(), None)
             self.seen[message.get_type()] = message
 
     def pack(self, message: Any) -> bytes:
@@ -282,6 +284,19 @@ def test_a_mode_does_not_end_a_stop_by_disarming_but_arming_does(ground: GroundS
     ground.tell({}, stopped=True)
     desk.order(176, 1.0, 15.0)
     assert ground.requests() == [PilotRequest("release")], "a STOP by a mode ends by one"
+
+
+@pytest.mark.parametrize("order", [(176, 1.0, 4.0), (176, 1.0, 15.0), (400, 0.0), (400, 1.0), (185, 1.0)])
+def test_a_new_mode_is_shown_before_it_is_acknowledged(
+    ground: GroundStation, desk: Desk, order: tuple[float, ...]
+) -> None:
+    """A program that is answered says where to go at once, and leaves out GUIDED where it believes that it is so."""
+    ground.tell({}, stopped=False)
+    desk.seen.clear()
+    desk.order(int(order[0]), *order[1:])
+    (request,) = ground.requests()
+    assert list(desk.seen) == ["HEARTBEAT", "COMMAND_ACK"]
+    assert (desk.seen["HEARTBEAT"].base_mode >= 128) == (request.type == "release"), "armed"
 
 
 def test_what_was_sent_before_a_stop_or_comes_with_it_moves_nothing_after_it(

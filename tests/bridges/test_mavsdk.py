@@ -57,9 +57,9 @@ def test_a_program_waits_until_it_is_ready_drives_it_and_does_not_rearm_what_it_
             program.say("arm", "goto")
             mind.wait_for("released, and free to be moved again")
             program.wait_for("arm: done", "goto: done")
-        program.say("hold")
+        program.say("hold", "goto")  # at once
+        program.wait_for("hold: done", "goto: done")
         mind.wait_for("stopped, and at rest until RELEASE")
-        program.say("goto")
         mind.wait_for("released, and free to be moved again")
         program.say("north", "offboard")
         program.wait_for("offboard: done")

@@ -208,9 +208,17 @@ class GroundStation:
             result = self._send_every(message.param1, message.param2)
         else:
             result = UNSUPPORTED
+        self._acknowledge(message, result)
+        return requests
+
+    def _acknowledge(self, message: Any, result: int) -> None:
+        """Show it the mode first, if that is new: who is answered says where to go at once, and goes by what he saw."""
+        if self._due[BEAT] == -inf and not self._is_new:
+            self._due[BEAT] = self._clock.now() + self._every[BEAT]
+            for beat in self._beat():
+                self._send(beat)
         asker = message.get_srcSystem(), message.get_srcComponent()
         self._send(self._link.mav.command_ack_encode(message.command, result, 0, 0, *asker))
-        return requests
 
     # ---- what it asks for
 
@@ -431,13 +439,16 @@ class GroundStation:
         """What is due, and perhaps more of its kind."""
         messages: list[Any] = []
         if BEAT in due:
-            mode = self._mode if self._disarmed or not self._stopped else HOLD
-            messages += self._portrait.heartbeat(mode, moves=not self._stopped)
+            messages += self._beat()
         if due & PLACE:
             messages += self._portrait.place(values, now)
         if due & STATE:
             messages += self._portrait.state(values, now)
         return messages
+
+    def _beat(self) -> list[Any]:
+        mode = self._mode if self._disarmed or not self._stopped else HOLD
+        return self._portrait.heartbeat(mode, moves=not self._stopped)
 
     def say(self, text: str) -> None:
         """Show it a text."""

@@ -18,7 +18,9 @@ def _recover(y, sign):
     if y >= _P:
         return None
     u, v = (y * y - 1) % _P, (_D * y * y + 1) % _P
-    x = u * v**3 % _P * squared(power(u * v**7 % _P), 2, u * v**7) % _P
+    vvv = v * v * v % _P
+    uv7 = vvv * vvv % _P * v % _P * u % _P
+    x = u * vvv % _P * squared(power(uv7), 2, uv7) % _P
     if v * x * x % _P != u:
         x = x * _I % _P
         if v * x * x % _P != u:

@@ -60,12 +60,12 @@ class Peer:
             self.say(f"falls from {now['z']:.2f} m")
             self.flying, self.locked, now["z"] = False, True, 0.0
         vx, vy, turn, height = self.command if self.flying and not self.landing else (0.0, 0.0, 0.0, 0.0)
-        yaw = math.radians(now["yaw"])
+        now["turn"] = turn
+        now["yaw"] = (now["yaw"] + turn * seconds + 180.0) % 360.0 - 180.0
+        yaw = math.radians(now["yaw"])  # after it has turned, so that all that is told is of one instant
         now["vx"], now["vy"] = vx * math.cos(yaw) - vy * math.sin(yaw), vx * math.sin(yaw) + vy * math.cos(yaw)
         now["x"] += now["vx"] * seconds
         now["y"] += now["vy"] * seconds
-        now["turn"] = turn
-        now["yaw"] = (now["yaw"] + turn * seconds + 180.0) % 360.0 - 180.0
         if self.landing:
             now["z"] = max(0.0, now["z"] - self.landing * seconds)
             if not now["z"]:

@@ -18,6 +18,12 @@ TIMES = 6
 """How often somebody says the same before he gives up."""
 
 
+def quadcopter(port: int, charge: float = 80.0, patience: float = PATIENCE) -> tuple[object, ...]:
+    """The command that starts a Crazyflie for tests. It waits for setpoints as long as they do, or it would fall on a
+    busy machine."""
+    return sys.executable, Path(__file__).with_name("crazyflie_peer.py"), port, charge, patience
+
+
 class Talking:
     """A process of our Python. screen: the file for what it prints. folder: where it runs, if not here. changes: of its
     environment."""

@@ -7,7 +7,6 @@ import signal
 import socket
 import struct
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
@@ -20,7 +19,7 @@ from threading import enumerate as enumerate_threads
 import pytest
 
 from bridges.crazyflie_peer import Peer
-from bridges.mind import Mind
+from bridges.mind import Mind, quadcopter
 from channel.test_udp import free_port
 from cli.terminal import terminal
 from processes import live_in, running
@@ -74,7 +73,7 @@ class FakeCopter:
     def logged(self) -> Mapping[str, float] | None:
         self._check()
         now = self.peer.values
-        shown = (now[name] for name in ("x", "y", "z", "vx", "vy", "vz", "yaw", "turn", "charge"))
+        shown = (now[name] for name in ("x", "y", "vx", "vy", "yaw", "turn", "z", "vz", "charge"))
         return dict(zip(LOGGED, (*shown, float(self.peer.info())), strict=True))
 
     def close(self) -> None:
@@ -408,14 +407,15 @@ def port() -> int:
 
 @pytest.fixture
 def process(port: int) -> Iterator[subprocess.Popen[str]]:
-    with running(sys.executable, Path(__file__).with_name("crazyflie_peer.py"), port, up="is at port") as found:
+    with running(*quadcopter(port), up="is at port") as found:
         yield found
 
 
-def until(true: Callable[[], bool]) -> None:
+def until(true: Callable[[], bool], otherwise: Callable[[], object] = str) -> None:
+    """otherwise: what to tell where it never becomes true."""
     ends = time.monotonic() + PATIENCE
     while not true():
-        assert time.monotonic() < ends
+        assert time.monotonic() < ends, otherwise()
         time.sleep(0.02)
 
 
@@ -438,12 +438,12 @@ def test_the_real_library_flies_it_loses_it_and_finds_it_again(process: subproce
             wanted, found = (0.4, 0.2, 0.5), (*body.drift_measured(), sensed("turn_rate"))
             return all(isclose(one, other, abs_tol=1e-3) for one, other in zip(wanted, found, strict=True))
 
-        until(lambda: driven() and sensed("heading") > 0.2)
+        until(lambda: driven() and sensed("heading") > 0.2, lambda: (body.complaints(), body.sense()))
         body.stop()
         until(lambda: sensed("speed") == 0.0)
         process.kill()
         until(lambda: bool(body.lost))
-        with running(sys.executable, Path(__file__).with_name("crazyflie_peer.py"), port, up="is at port") as again:
+        with running(*quadcopter(port), up="is at port") as again:
             until(lambda: not body.lost and sensed("battery") > 0.0)
             said = body.complaints()
             assert said[0].startswith("the body is out of reach: ")
@@ -462,11 +462,10 @@ def test_a_link_that_dies_in_flight_is_told_at_node_and_desk_and_comes_back_by_i
 ) -> None:
     live_in(tmp_path, monkeypatch)
     air = f"udp://239.255.83.86:{free_port()}?interface=lo"
-    counterpart = (sys.executable, Path(__file__).with_name("crazyflie_peer.py"), port)
     fly = ("(TAKEOFF 0.4m)", '(RULE say (WHEN (AND flying (> z 0.3)) (REPORT "in the air")))')
     drive = "(WHEN flying (SETQ drive_speed 0.2m/s))"
     with (
-        running(*counterpart, up="is at port") as lost,
+        running(*quadcopter(port), up="is at port") as lost,
         closing(Mind(f"crazyflie://127.0.0.1:{port}", tmp_path, "--channel", air)) as mind,
         terminal(("desk", "--channel", air), tmp_path, size=(160, 40)) as desk,
     ):
@@ -478,7 +477,7 @@ def test_a_link_that_dies_in_flight_is_told_at_node_and_desk_and_comes_back_by_i
         lost.kill()
         mind.wait_for("the body is out of reach: ")
         desk.wait_to_see("the body is out of reach: ")
-        with running(*counterpart, up="is at port") as again:
+        with running(*quadcopter(port), up="is at port") as again:
             mind.wait_for("the body is within reach again, and at rest until a command moves it")
             desk.wait_to_see("the body is within reach again")
             mind.say(*fly)
@@ -496,9 +495,8 @@ def test_one_that_freezes_or_speaks_garbage_in_flight_is_told_and_stopped(
         '(RULE go (ONCE (> speed 0.1m/s) (REPORT "it moves")))',
         '(RULE calm (ONCE (< speed 0.05m/s) (REPORT "it hovers")))',
     )
-    counterpart = (sys.executable, Path(__file__).with_name("crazyflie_peer.py"), port)
     with (
-        running(*counterpart, up="is at port") as copter,
+        running(*quadcopter(port), up="is at port") as copter,
         closing(Mind(f"crazyflie://127.0.0.1:{port}", tmp_path)) as mind,
     ):
         mind.wait_for("v1 is up")
@@ -528,7 +526,7 @@ def test_a_link_that_goes_while_something_is_sent_keeps_nobody_waiting(
     def gone(packet: object) -> None:
         raise AttributeError("'NoneType' object has no attribute 'send_packet'")
 
-    with running(sys.executable, Path(__file__).with_name("crazyflie_peer.py"), port, up="is at port"):
+    with running(*quadcopter(port), up="is at port"):
         copter = CflibQuadcopter(f"udp://127.0.0.1:{port}", LOGGED)
         assert "ping_thread" not in [thread.name for thread in enumerate_threads()], "it may wait for whoever sends"
         monkeypatch.setattr(copter._copter.link, "send_packet", gone)
@@ -583,9 +581,8 @@ def test_over_a_link_that_loses_datagrams_it_is_met(port: int, seed: int) -> Non
     """Of cflib, only radios ask again."""
     from sleepcast.bridges.crazyflie.link import CflibQuadcopter
 
-    peer = sys.executable, Path(__file__).with_name("crazyflie_peer.py"), port
     with (
-        running(*peer, up="is at port"),
+        running(*quadcopter(port), up="is at port"),
         losing_a_third(port, seed) as way,
         closing(CflibQuadcopter(f"udp://127.0.0.1:{way}", LOGGED)) as copter,
     ):

@@ -15,6 +15,7 @@ pytest.importorskip("pymavlink")
 pytest.importorskip("pyproj")
 pytest.importorskip("cflib")
 
+from bridges.mind import quadcopter
 from channel.test_udp import free_port
 from cli.calling import again_until
 from cli.test_swarm import account
@@ -94,7 +95,7 @@ def test_one_mission_flies_both_makes_with_the_same_account(tmp_path: Path, monk
     counterpart = (sys.executable, HERE / "mavlink_vehicle.py", ports[0], "fleet key", "copter")
     with (
         running(*counterpart, up="mode", stdin=subprocess.PIPE),
-        running(sys.executable, HERE / "crazyflie_peer.py", ports[1], up="is at port"),
+        running(*quadcopter(ports[1]), up="is at port"),
         node("v1", vehicle, channel),
         node("c1", f"crazyflie://127.0.0.1:{ports[1]}", channel),
     ):

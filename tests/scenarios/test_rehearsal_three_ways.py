@@ -28,6 +28,7 @@ pytest.importorskip("pyproj")
 pytest.importorskip("cflib")
 
 import sleepcast as sc
+from bridges.mind import quadcopter
 from channel.test_udp import free_port
 from processes import SLEEPCAST, live_in, running
 from sleepcast.api.mission import MissionLine
@@ -146,8 +147,7 @@ def real(charges: list[int], folder: Path) -> Iterator[sc.ConnectedFleet]:
             ports = free_port(), free_port()
             vehicle = sys.executable, BRIDGES / "mavlink_vehicle.py", ports[0], "fleet key", "copter", charge
             stack.enter_context(running(*vehicle, stdin=subprocess.PIPE))
-            quadcopter = sys.executable, BRIDGES / "crazyflie_peer.py", ports[1], charge, PATIENCE
-            stack.enter_context(running(*quadcopter, up="is at port"))
+            stack.enter_context(running(*quadcopter(ports[1], charge, PATIENCE), up="is at port"))
             bodies[f"v{number}"] = f"mavlink://127.0.0.1:{ports[0]}?listen=yes&key={key}#1"
             bodies[f"c{number}"] = f"crazyflie://127.0.0.1:{ports[1]}?speed=2"
 

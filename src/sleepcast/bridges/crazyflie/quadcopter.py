@@ -52,16 +52,17 @@ ACCELERATION = 1.0
 LOGGED = {
     "stateEstimate.x": "m",
     "stateEstimate.y": "m",
-    "stateEstimate.z": "m",
     "stateEstimate.vx": "m/s",
     "stateEstimate.vy": "m/s",
-    "stateEstimate.vz": "m/s",
     "stateEstimate.yaw": "degrees counter-clockwise",
     "gyro.z": "degrees/s",
+    "stateEstimate.z": "m",
+    "stateEstimate.vz": "m/s",
     "pm.batteryLevel": "%",
     "supervisor.info": "bits",
 }
-"""Variables that the firmware sends, with their units."""
+"""Variables that the firmware sends, with their units. The first six fit into one packet, and so are of one instant:
+its speeds along its heading are made of four of them."""
 ARMED, FLIES, LOCKED = 1 << 1, 1 << 4, 1 << 6
 """Bits of `supervisor.info`, as the firmware's supervisor.c has them: it is armed; it flies; its motors stand until it
 is started anew, after an emergency stop, a crash, or two seconds without a setpoint in the air."""
@@ -207,7 +208,7 @@ class CrazyflieBody(BridgedBody):
         self.complain(why)
 
     def reading(self) -> Reading:
-        x, y, z, _, _, climb, _, turning, charge, info = (self._values.get(name, nan) for name in LOGGED)
+        x, y, _, _, _, turning, z, climb, charge, info = (self._values.get(name, nan) for name in LOGGED)
         armed, flies = (float(self._has(bit)) if isfinite(info) else nan for bit in (ARMED, FLIES))
         speed, _ = self.drift_measured()
         place, pace = (x, y, z, self._heading()), (speed, radians(turning), z, climb)

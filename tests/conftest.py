@@ -128,6 +128,7 @@ def pytest_collection_finish() -> None:
     once: to find what little garbage is among them takes most of a second in each process."""
     gc.freeze()
     gc.enable()
+    gc.set_threshold(10_000, 10, 10)  # each search for garbage would begin anew with what tests hold meanwhile
 
 
 def turns(files: Set[Path]) -> dict[Path, float]:

@@ -33,7 +33,8 @@ from sleepcast.bridges import UNLIMITED, Opening, open_robot
 from sleepcast.bridges.address import BodyError
 from sleepcast.bridges.mavlink.ground_station import QUIET, GroundStation, PilotRequest, open_ground_station
 from sleepcast.bridges.mavlink.link import GONE, MAX_PEERS, MavlinkConnection, UdpWire
-from sleepcast.cli.local_input import request_text
+from sleepcast.channel import Kind
+from sleepcast.cli.local_input import LocalInput, request_text
 from sleepcast.cli.node_life import NodeProcess, StartScript
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.geodesy import Origin
@@ -286,17 +287,46 @@ def test_a_mode_does_not_end_a_stop_by_disarming_but_arming_does(ground: GroundS
     assert ground.requests() == [PilotRequest("release")], "a STOP by a mode ends by one"
 
 
-@pytest.mark.parametrize("order", [(176, 1.0, 4.0), (176, 1.0, 15.0), (400, 0.0), (400, 1.0), (185, 1.0)])
+HOLD, GUIDED, ARM = (176, 1.0, 4.0), (176, 1.0, 15.0), (400, 1.0)
+
+
+@pytest.mark.parametrize("orders", [(HOLD,), ((400, 0.0),), ((185, 1.0),), (HOLD, GUIDED), (HOLD, ARM)])
 def test_a_new_mode_is_shown_before_it_is_acknowledged(
-    ground: GroundStation, desk: Desk, order: tuple[float, ...]
+    ground: GroundStation, desk: Desk, orders: tuple[tuple[float, ...], ...]
 ) -> None:
     """A program that is answered says where to go at once, and leaves out GUIDED where it believes that it is so."""
     ground.tell({}, stopped=False)
+    for number, *parameters in orders:
+        desk.seen.clear()
+        desk.order(int(number), *parameters)
+        (request,) = ground.requests()
+        assert list(desk.seen) == ["HEARTBEAT", "COMMAND_ACK"]
+        assert (desk.seen["HEARTBEAT"].base_mode >= 128) == (request.type == "release"), "armed"
+
+
+def test_a_mode_that_it_has_already_is_not_shown_anew_with_every_command(ground: GroundStation, desk: Desk) -> None:
+    ground.tell({}, stopped=False)
     desk.seen.clear()
-    desk.order(int(order[0]), *order[1:])
-    (request,) = ground.requests()
-    assert list(desk.seen) == ["HEARTBEAT", "COMMAND_ACK"]
-    assert (desk.seen["HEARTBEAT"].base_mode >= 128) == (request.type == "release"), "armed"
+    for _ in range(3):
+        desk.order(176, 1.0, 15.0)
+    ground.requests()
+    assert list(desk.seen) == ["COMMAND_ACK"]
+
+
+def test_a_release_that_was_read_before_a_stop_does_not_count_after_it(
+    ground: GroundStation, desk: Desk, clock: ManualClock
+) -> None:
+    """Else a robot that was disarmed would be told to be armed, and GUIDED would set it free."""
+    mine = LocalInput("v1", clock, (), None, None, ground=ground)
+    ground.tell({}, stopped=False)
+    desk.order(176, 1.0, 15.0)
+    desk.order(400, 0.0)
+    (stop,) = mine.stops()
+    assert stop.kind is Kind.STOP
+    assert not mine.is_releasing
+    desk.order(400, 1.0)
+    assert mine.stops() == []
+    assert mine.is_releasing
 
 
 def test_what_was_sent_before_a_stop_or_comes_with_it_moves_nothing_after_it(

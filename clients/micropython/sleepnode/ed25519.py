@@ -88,7 +88,7 @@ def _number(digest):
 def encoded(a):
     """The 32 bytes that stand for a point. Every number on the way is short: a long one asks for one large piece."""
     x, y, z, _ = a
-    z = squared(power(z), 5, squared(z, 3, z * z * z) % _P)
+    z = squared(power(z), 5, squared(z, 3, z * z % _P * z) % _P)
     number = y * z % _P | (x * z % _P & 1) << 255
     gc.collect()
     return number.to_bytes(32, "little")

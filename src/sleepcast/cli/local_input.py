@@ -142,6 +142,8 @@ class LocalInput:
         self._waiting: deque[Numbers] = deque()
         self._read: list[Message] = []
         self._epoch, self._sequence, self._stops = epoch, 0, stops
+        self._stopped_by = 0
+        """The number of the latest STOP that was read with `stops`."""
         self.lost = 0
         """Datagrams that found no room."""
 
@@ -169,13 +171,14 @@ class LocalInput:
             self._read += self._of_ground(self._ground)
         stops = [message for message in self._read if message.kind is Kind.STOP]
         self._read = [message for message in self._read if message.kind is not Kind.STOP]
+        self._stopped_by = max((message.sequence for message in stops), default=self._stopped_by)
         return stops if self._session is None else stops + self._session.stops()
 
     @property
     def is_releasing(self) -> bool:
-        """Whether a RELEASE was read with the latest STOPs and waits for the next `receive`: whoever sent it may have
+        """Whether a RELEASE was read after the latest STOP and waits for the next `receive`: whoever sent it may have
         an acknowledgement already, and say where to go."""
-        return any(message.kind is Kind.RELEASE for message in self._read)
+        return any(each.kind is Kind.RELEASE and each.sequence > self._stopped_by for each in self._read)
 
     def _of_ground(self, ground: GroundStation) -> list[Message]:
         return [self._message(request_text(request, self._actuators), GROUND) for request in ground.requests()]

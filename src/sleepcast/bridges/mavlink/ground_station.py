@@ -114,6 +114,8 @@ class GroundStation:
         """Whether any STOP holds; whether the ground station's own is one by disarming; and the mode it has chosen."""
         self._held = False
         """Whether somebody else's STOP holds as well."""
+        self._shown_last = (GUIDED, True)
+        """See `_appearance`."""
         self._is_new = True
         """Whether it was never told how the robot is."""
         self._here = (nan, nan, nan)
@@ -213,7 +215,7 @@ class GroundStation:
 
     def _acknowledge(self, message: Any, result: int) -> None:
         """Show it the mode first, if that is new: who is answered says where to go at once, and goes by what he saw."""
-        if self._due[BEAT] == -inf and not self._is_new:
+        if not self._is_new and self._appearance() != self._shown_last:
             self._due[BEAT] = self._clock.now() + self._every[BEAT]
             for beat in self._beat():
                 self._send(beat)
@@ -447,8 +449,12 @@ class GroundStation:
         return messages
 
     def _beat(self) -> list[Any]:
-        mode = self._mode if self._disarmed or not self._stopped else HOLD
-        return self._portrait.heartbeat(mode, moves=not self._stopped)
+        self._shown_last = mode, moves = self._appearance()
+        return self._portrait.heartbeat(mode, moves=moves)
+
+    def _appearance(self) -> tuple[int, bool]:
+        """The mode to show, and whether it counts as armed."""
+        return self._mode if self._disarmed or not self._stopped else HOLD, not self._stopped
 
     def say(self, text: str) -> None:
         """Show it a text."""

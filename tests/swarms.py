@@ -29,6 +29,12 @@ ORDERS = {
 STOP, RELEASE = 28, 34
 
 
+def settle(swarm: Swarm) -> None:
+    """Wait until all rules that can be have become native code."""
+    if swarm.fleet.kernels is not None:
+        swarm.fleet.kernels.settle()
+
+
 def station_of(swarm: Swarm) -> Station:
     """A desk for a swarm."""
     first, *others = swarm.operators or ["desk"]

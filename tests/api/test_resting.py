@@ -8,6 +8,7 @@ import pytest
 
 import sleepcast as sc
 from sleepcast.api import worlds as many
+from swarms import settle
 
 
 def worlds(**given: object) -> sc.Worlds:
@@ -86,8 +87,7 @@ def test_a_world_whose_robots_have_reported_a_failing_rule_stays_awake() -> None
 def run_and_settle(fleet: sc.Fleet) -> None:
     """Run for 3 s, and wait for what is compiled beside it."""
     fleet.run(3, quiet=True)
-    if (kernels := fleet.swarm.fleet.kernels) is not None:
-        kernels.settle()
+    settle(fleet.swarm)
 
 
 @pytest.mark.parametrize("scenario", ["bravo", "maze", "mixed", "recruit", "two-desks"])

@@ -8,9 +8,11 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterable
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import forkserver
+from processes import running
 
 PATIENCE = 60.0
 """Seconds that a busy machine may take."""
@@ -18,10 +20,14 @@ TIMES = 6
 """How often somebody says the same before he gives up."""
 
 
-def quadcopter(port: int, charge: float = 80.0, patience: float = PATIENCE) -> tuple[object, ...]:
-    """The command that starts a Crazyflie for tests. It waits for setpoints as long as they do, or it would fall on a
+def quadcopter(
+    port: int, charge: float = 80.0, patience: float = PATIENCE
+) -> AbstractContextManager[subprocess.Popen[str]]:
+    """A Crazyflie for tests, in a process of its own. It waits for setpoints as long as they do, or it would fall on a
     busy machine."""
-    return sys.executable, Path(__file__).with_name("crazyflie_peer.py"), port, charge, patience
+    return running(
+        sys.executable, Path(__file__).with_name("crazyflie_peer.py"), port, charge, patience, up="is at port"
+    )
 
 
 class Talking:

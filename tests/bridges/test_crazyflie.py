@@ -22,7 +22,7 @@ from bridges.crazyflie_peer import Peer
 from bridges.mind import Mind, quadcopter
 from channel.test_udp import free_port
 from cli.terminal import terminal
-from processes import live_in, running
+from processes import live_in
 from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
 from sleepcast.bridges.body import ROUND
 from sleepcast.bridges.crazyflie.quadcopter import LANDS_AFTER, LOGGED, CrazyflieBody, model_of
@@ -407,7 +407,7 @@ def port() -> int:
 
 @pytest.fixture
 def process(port: int) -> Iterator[subprocess.Popen[str]]:
-    with running(*quadcopter(port), up="is at port") as found:
+    with quadcopter(port) as found:
         yield found
 
 
@@ -443,7 +443,7 @@ def test_the_real_library_flies_it_loses_it_and_finds_it_again(process: subproce
         until(lambda: sensed("speed") == 0.0)
         process.kill()
         until(lambda: bool(body.lost))
-        with running(*quadcopter(port), up="is at port") as again:
+        with quadcopter(port) as again:
             until(lambda: not body.lost and sensed("battery") > 0.0)
             said = body.complaints()
             assert said[0].startswith("the body is out of reach: ")
@@ -465,7 +465,7 @@ def test_a_link_that_dies_in_flight_is_told_at_node_and_desk_and_comes_back_by_i
     fly = ("(TAKEOFF 0.4m)", '(RULE say (WHEN (AND flying (> z 0.3)) (REPORT "in the air")))')
     drive = "(WHEN flying (SETQ drive_speed 0.2m/s))"
     with (
-        running(*quadcopter(port), up="is at port") as lost,
+        quadcopter(port) as lost,
         closing(Mind(f"crazyflie://127.0.0.1:{port}", tmp_path, "--channel", air)) as mind,
         terminal(("desk", "--channel", air), tmp_path, size=(160, 40)) as desk,
     ):
@@ -477,7 +477,7 @@ def test_a_link_that_dies_in_flight_is_told_at_node_and_desk_and_comes_back_by_i
         lost.kill()
         mind.wait_for("the body is out of reach: ")
         desk.wait_to_see("the body is out of reach: ")
-        with running(*quadcopter(port), up="is at port") as again:
+        with quadcopter(port) as again:
             mind.wait_for("the body is within reach again, and at rest until a command moves it")
             desk.wait_to_see("the body is within reach again")
             mind.say(*fly)
@@ -496,7 +496,7 @@ def test_one_that_freezes_or_speaks_garbage_in_flight_is_told_and_stopped(
         '(RULE calm (ONCE (< speed 0.05m/s) (REPORT "it hovers")))',
     )
     with (
-        running(*quadcopter(port), up="is at port") as copter,
+        quadcopter(port) as copter,
         closing(Mind(f"crazyflie://127.0.0.1:{port}", tmp_path)) as mind,
     ):
         mind.wait_for("v1 is up")
@@ -526,7 +526,7 @@ def test_a_link_that_goes_while_something_is_sent_keeps_nobody_waiting(
     def gone(packet: object) -> None:
         raise AttributeError("'NoneType' object has no attribute 'send_packet'")
 
-    with running(*quadcopter(port), up="is at port"):
+    with quadcopter(port):
         copter = CflibQuadcopter(f"udp://127.0.0.1:{port}", LOGGED)
         assert "ping_thread" not in [thread.name for thread in enumerate_threads()], "it may wait for whoever sends"
         monkeypatch.setattr(copter._copter.link, "send_packet", gone)
@@ -582,7 +582,7 @@ def test_over_a_link_that_loses_datagrams_it_is_met(port: int, seed: int) -> Non
     from sleepcast.bridges.crazyflie.link import CflibQuadcopter
 
     with (
-        running(*quadcopter(port), up="is at port"),
+        quadcopter(port),
         losing_a_third(port, seed) as way,
         closing(CflibQuadcopter(f"udp://127.0.0.1:{way}", LOGGED)) as copter,
     ):

@@ -95,7 +95,7 @@ def test_one_mission_flies_both_makes_with_the_same_account(tmp_path: Path, monk
     counterpart = (sys.executable, HERE / "mavlink_vehicle.py", ports[0], "fleet key", "copter")
     with (
         running(*counterpart, up="mode", stdin=subprocess.PIPE),
-        running(*quadcopter(ports[1]), up="is at port"),
+        quadcopter(ports[1]),
         node("v1", vehicle, channel),
         node("c1", f"crazyflie://127.0.0.1:{ports[1]}", channel),
     ):

@@ -56,6 +56,7 @@ from sleepcast.experiments.run import (
     verify,
 )
 from small_worlds import write
+from swarms import settle
 
 FEW = ("robots.count=10",)
 THOUSAND = ",".join(f"0.{number:03d}" for number in range(1000))
@@ -945,8 +946,7 @@ class TestRunsOfAPoint:
         for each in wanted.runs():
             with runner.opened(each) as fleet:
                 fleet.run(1.0)
-                if fleet.swarm.fleet.kernels is not None:
-                    fleet.swarm.fleet.kernels.settle()
+                settle(fleet.swarm)
                 seen.append(weakref.ref(fleet.swarm.simulator.bodies))
             del fleet
         gc.collect()

@@ -21,7 +21,7 @@ from sleepcast.loop.quiet import QuietTicks
 from sleepcast.simulator import Changes, Scenario, Simulator, choose, find_scenario, scenario_names
 from sleepcast.simulator.quiet.blocks import BodyBlock, WorldTable
 from sleepcast.station import JournalEvent
-from swarms import desk_of, drive, station_of, swarm_of
+from swarms import desk_of, drive, settle, station_of, swarm_of
 
 pytest.importorskip("numba")
 
@@ -37,12 +37,6 @@ def few(name: str, robots: int = FEW, over: tuple[tuple[str, object], ...] = ())
     whole = find_scenario(name)
     fixed = whole.robots.groups or whole.robots.count < robots
     return find_scenario(name, Changes(None if fixed else robots, over=over))
-
-
-def settle(swarm: Swarm) -> None:
-    """Wait until all rules that can be have become native code."""
-    if swarm.fleet.kernels is not None:
-        swarm.fleet.kernels.settle()
 
 
 def singly(swarm: Swarm, ticks: int) -> None:

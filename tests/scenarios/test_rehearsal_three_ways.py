@@ -147,7 +147,7 @@ def real(charges: list[int], folder: Path) -> Iterator[sc.ConnectedFleet]:
             ports = free_port(), free_port()
             vehicle = sys.executable, BRIDGES / "mavlink_vehicle.py", ports[0], "fleet key", "copter", charge
             stack.enter_context(running(*vehicle, stdin=subprocess.PIPE))
-            stack.enter_context(running(*quadcopter(ports[1], charge, PATIENCE), up="is at port"))
+            stack.enter_context(quadcopter(ports[1], charge, PATIENCE))
             bodies[f"v{number}"] = f"mavlink://127.0.0.1:{ports[0]}?listen=yes&key={key}#1"
             bodies[f"c{number}"] = f"crazyflie://127.0.0.1:{ports[1]}?speed=2"
 

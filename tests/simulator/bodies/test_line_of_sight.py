@@ -19,6 +19,7 @@ from sleepcast.simulator.scenario.signals import LIGHT_NAMES, PING_NAMES
 from sleepcast.simulator.snapshot import resume, state_of
 from sleepcast.simulator.world.sight import hidden, unrolled
 from small_worlds import SMALL, write
+from swarms import settle
 
 TEXT = SMALL.replace("format = 1", "format = 2").replace('"1km"', '"20m"').replace('"500m"', '"5m"')
 TEXT = TEXT.replace('y = "400m"', 'y = "4m"').replace('radius = "0.5m"', 'radius = "0.25m"')
@@ -385,8 +386,7 @@ def quietly(swarm: Swarm, ticks: int) -> None:
     """Let so many ticks pass, as many at once as may be, with native rules."""
     while ticks:
         ticks -= swarm.advance(ticks)
-        if swarm.fleet.kernels is not None:
-            swarm.fleet.kernels.settle()
+        settle(swarm)
 
 
 def singly(swarm: Swarm, ticks: int) -> None:
